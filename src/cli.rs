@@ -1,0 +1,34 @@
+//! The commands of `roomsight`: one file a command.
+//!
+//! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line.
+
+mod output;
+
+use clap::{Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Tells a robot which room it is in.
+///
+/// Train a model on labeled frames, measure it, and serve it over HTTP.
+#[derive(Parser)]
+#[command(name = "roomsight", version, max_term_width = 100)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {}
+
+/// Parses the command line, runs the command, and reports its failure on standard error.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let result: anyhow::Result<()> = match cli.command {};
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("roomsight: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
