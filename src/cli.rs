@@ -2,7 +2,10 @@
 //!
 //! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line.
 
+mod health;
+mod key;
 mod output;
+mod serve;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -18,12 +21,20 @@ struct Cli {
 }
 
 #[derive(Subcommand)]
-enum Command {}
+enum Command {
+    Serve(serve::Serve),
+    Key(key::KeyArguments),
+    Health(health::Health),
+}
 
 /// Parses the command line, runs the command, and reports its failure on standard error.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
-    let result: anyhow::Result<()> = match cli.command {};
+    let result: anyhow::Result<()> = match cli.command {
+        Command::Serve(arguments) => serve::run(arguments),
+        Command::Key(arguments) => key::run(arguments),
+        Command::Health(arguments) => health::run(arguments),
+    };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {

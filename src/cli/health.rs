@@ -1,0 +1,31 @@
+//! `roomsight health`: whether a service answers frames, for scripts and containers.
+
+use anyhow::{Context, bail};
+use clap::Args;
+use std::time::Duration;
+
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// Ask a service whether it answers frames; exit code 0 where it does
+#[derive(Args)]
+pub struct Health {
+    /// The service
+    #[arg(default_value = "http://127.0.0.1:8080")]
+    url: String,
+}
+
+/// Runs the command.
+pub fn run(arguments: Health) -> anyhow::Result<()> {
+    let url = format!("{}/readyz", arguments.url.trim_end_matches('/'));
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+    let status = runtime.block_on(async {
+        let client = reqwest::Client::builder().timeout(PATIENCE).no_proxy().build()?;
+        client.get(&url).send().await.map(|response| response.status())
+    });
+    let status = status.with_context(|| format!("no answer from {url}"))?;
+    if !status.is_success() {
+        bail!("{url} answers {status}");
+    }
+    println!("ready");
+    Ok(())
+}

@@ -1,0 +1,38 @@
+//! `roomsight key`: keys of those who may call the service.
+
+use crate::server::{Key, Role};
+use anyhow::anyhow;
+use clap::{Args, Subcommand};
+
+/// Make keys for those who may call the service
+#[derive(Args)]
+pub struct KeyArguments {
+    #[command(subcommand)]
+    command: KeyCommand,
+}
+
+#[derive(Subcommand)]
+enum KeyCommand {
+    /// Make a key and print it, once, with the line for the settings
+    New {
+        /// What it allows: robot (post frames), viewer (read models) or admin (everything)
+        #[arg(long)]
+        role: Role,
+        /// Whose it is
+        #[arg(long)]
+        name: String,
+    },
+}
+
+/// Runs the command.
+pub fn run(arguments: KeyArguments) -> anyhow::Result<()> {
+    let KeyCommand::New { role, name } = arguments.command;
+    let mut random = [0; 32];
+    getrandom::fill(&mut random).map_err(|error| anyhow!("the system gives no random numbers: {error}"))?;
+    let (secret, key) = Key::new(role, &name, &random)?;
+    println!("The key; it is shown only now:\n\n    {secret}\n");
+    println!("The settings of the service (a file, or --set keys=..., or ROOMSIGHT_KEYS):\n");
+    println!("    keys = [\"{}\"]\n", key.to_line());
+    println!("A caller sends it as `Authorization: Bearer {secret}`.");
+    Ok(())
+}

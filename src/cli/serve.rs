@@ -1,0 +1,141 @@
+//! `roomsight serve`: the HTTP service.
+
+use crate::server::{self, App, LogFormat, Settings};
+use anyhow::{Context, bail};
+use clap::Args;
+use std::collections::HashMap;
+use std::io::{IsTerminal, stderr};
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
+use tokio::net::TcpListener;
+use tracing_subscriber::EnvFilter;
+
+/// Serve models over HTTP
+///
+/// Settings come from the defaults, then the file of --config, then the environment (ROOMSIGHT_QUEUE
+/// sets `queue`), then flags. --print-config shows all of them.
+#[derive(Args)]
+pub struct Serve {
+    /// The folder NAME/VERSION/ of models, or one model's folder [default: models]
+    #[arg(long, value_name = "DIR")]
+    models: Option<PathBuf>,
+    /// The model of requests that name none [default: the first by name]
+    #[arg(long, value_name = "NAME")]
+    model: Option<String>,
+    /// Where to listen [default: 127.0.0.1:8080]
+    #[arg(long, value_name = "HOST:PORT")]
+    listen: Option<String>,
+    /// Threads that recognize [default: one a core]
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// Serve callers without a key on an address that others can reach
+    #[arg(long)]
+    allow_anonymous: bool,
+    /// How log lines look: human or json
+    #[arg(long, value_name = "FORMAT")]
+    log_format: Option<String>,
+    /// Any other setting, as often as needed
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
+    set: Vec<(String, String)>,
+    /// A TOML file of settings
+    #[arg(long, value_name = "FILE", env = "ROOMSIGHT_CONFIG")]
+    config: Option<PathBuf>,
+    /// Print the settings that would be used, hashes of keys left out, and end
+    #[arg(long)]
+    print_config: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: Serve) -> anyhow::Result<()> {
+    let file = arguments.config.clone();
+    let print_config = arguments.print_config;
+    let settings = Settings::load(file.as_deref(), std::env::vars(), flags(arguments))?;
+    if print_config {
+        print!("{}", settings.to_toml()?);
+        return Ok(());
+    }
+    start_log(&settings)?;
+    let address = permitted_address(&settings)?;
+    let app = App::start(settings)?;
+    tokio::runtime::Runtime::new()?.block_on(async {
+        let listener = TcpListener::bind(address)
+            .await
+            .with_context(|| format!("cannot listen on {address}; choose another address with --listen"))?;
+        tracing::info!("listening on http://{0}, documentation at http://{0}/docs", listener.local_addr()?);
+        server::serve(app, listener, stop_signal()).await.context("the service failed")
+    })
+}
+
+fn pair(text: &str) -> Result<(String, String), String> {
+    let (name, value) = text.split_once('=').ok_or("it is not NAME=VALUE")?;
+    Ok((name.trim().to_owned(), value.trim().to_owned()))
+}
+
+/// The settings that were given as flags.
+fn flags(arguments: Serve) -> HashMap<String, String> {
+    let mut flags: HashMap<String, String> = arguments.set.into_iter().collect();
+    let given = [
+        ("models", arguments.models.map(|path| path.to_string_lossy().into_owned())),
+        ("model", arguments.model),
+        ("listen", arguments.listen),
+        ("threads", arguments.threads.map(|n| n.to_string())),
+        ("allow_anonymous", arguments.allow_anonymous.then(|| true.to_string())),
+        ("log_format", arguments.log_format),
+    ];
+    for (name, value) in given {
+        flags.extend(value.map(|value| (name.to_owned(), value)));
+    }
+    flags
+}
+
+fn start_log(settings: &Settings) -> anyhow::Result<()> {
+    let filter: EnvFilter = settings
+        .log_level
+        .parse()
+        .with_context(|| format!("the setting `log_level` is wrong: {:?}", settings.log_level))?;
+    let lines = tracing_subscriber::fmt().with_env_filter(filter).with_writer(stderr);
+    match settings.log_format {
+        LogFormat::Human => lines.with_target(false).with_ansi(stderr().is_terminal()).init(),
+        LogFormat::Json => lines.json().flatten_event(true).with_span_list(false).init(),
+    }
+    Ok(())
+}
+
+/// Where to listen. Without keys others must not reach the service unless that was asked for.
+fn permitted_address(settings: &Settings) -> anyhow::Result<SocketAddr> {
+    let unusable = || format!("the setting `listen` is wrong: {:?} is no HOST:PORT", settings.listen);
+    let address = settings.listen.to_socket_addrs().with_context(unusable)?.next().with_context(unusable)?;
+    if settings.keys.is_empty() && !settings.allow_anonymous && !address.ip().is_loopback() {
+        bail!(
+            "others could reach {address} without a key: make one with `roomsight key new`, \
+             or give --allow-anonymous"
+        );
+    }
+    Ok(address)
+}
+
+/// Ready when the process is told to stop.
+async fn stop_signal() {
+    let interrupt = async {
+        // Where the signal cannot be had the service runs on.
+        if tokio::signal::ctrl_c().await.is_err() {
+            std::future::pending::<()>().await;
+        }
+    };
+    #[cfg(unix)]
+    let terminate = async {
+        use tokio::signal::unix::{SignalKind, signal};
+        match signal(SignalKind::terminate()) {
+            Ok(mut stream) => {
+                stream.recv().await;
+            }
+            Err(_) => std::future::pending().await,
+        }
+    };
+    #[cfg(not(unix))]
+    let terminate = std::future::pending::<()>();
+    tokio::select! {
+        () = interrupt => {}
+        () = terminate => {}
+    }
+}

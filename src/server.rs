@@ -1,0 +1,112 @@
+//! The HTTP service: frames in, rooms out.
+//!
+//! # Layout
+//!
+//! | file | what |
+//! |---|---|
+//! | `settings` | what an operator may set |
+//! | `listen` | connections, and the graceful stop |
+//! | `observe` | around every request: its id, its log line, its error in one form |
+//! | `routes` | the paths, grouped by who may call them |
+//! | `auth` | keys and roles, checked before a byte of the body is read |
+//! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
+//! | `recognize` | the one path from bytes to an answer |
+//! | `pool` | the threads that recognize, and the bounded queue before them |
+//! | `registry` | the models that serve |
+//! | `problem` | every error a caller can see; the only place with status codes |
+//! | `api`, `openapi` | what travels, and its description |
+//! | `linger` | reading on after an early answer |
+//!
+//! A frame's way: `observe` → `auth` → `query` (which model?) → `body` (size, a free slot, bytes) →
+//! `recognize` → a thread of `pool`: decode, features, classify → `api::Answer` or
+//! `problem::Problem`.
+
+mod api;
+mod auth;
+mod body;
+mod linger;
+mod listen;
+mod observe;
+mod openapi;
+mod pool;
+mod problem;
+mod query;
+mod recognize;
+mod registry;
+mod routes;
+mod settings;
+
+pub use auth::{Key, KeyError, Role};
+pub use listen::serve;
+pub use registry::RegistryError;
+pub use routes::{document, router};
+pub use settings::{LogFormat, Settings, SettingsError};
+
+use observe::RequestIds;
+use pool::Pool;
+use registry::Registry;
+use std::ops::Deref;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use tokio::sync::Semaphore;
+
+/// The running service, without a socket. Cheap to clone; all clones are one.
+#[derive(Clone)]
+pub struct App(Arc<AppState>);
+
+/// What all requests share.
+pub struct AppState {
+    settings: Settings,
+    registry: Registry,
+    pool: Pool,
+    /// One permit for each byte of a body that may be held.
+    body_memory: Arc<Semaphore>,
+    request_ids: RequestIds,
+    draining: AtomicBool,
+}
+
+/// Why the service cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum StartError {
+    /// Nothing to serve.
+    #[error(transparent)]
+    Registry(#[from] RegistryError),
+    /// No threads.
+    #[error("the recognizing threads cannot be started: {0}")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
+}
+
+impl App {
+    /// Loads the models, sends a frame through each that is to serve, and starts the threads.
+    pub fn start(settings: Settings) -> Result<Self, StartError> {
+        let limits = settings.frame_limits();
+        let registry =
+            Registry::open(&settings.models, &settings.model, |model| recognize::warm(model, &limits))?;
+        Ok(Self(Arc::new(AppState {
+            registry,
+            pool: Pool::new(settings.n_threads(), settings.queue)?,
+            body_memory: Arc::new(Semaphore::new(settings.max_buffered_bytes)),
+            request_ids: RequestIds::new(),
+            draining: AtomicBool::new(false),
+            settings,
+        })))
+    }
+
+    /// Refuses frames from now on; those accepted are answered.
+    pub fn drain(&self) {
+        self.draining.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether the service is stopping.
+    pub fn is_draining(&self) -> bool {
+        self.draining.load(Ordering::Relaxed)
+    }
+}
+
+impl Deref for App {
+    type Target = AppState;
+
+    fn deref(&self) -> &AppState {
+        &self.0
+    }
+}

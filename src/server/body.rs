@@ -1,0 +1,239 @@
+//! Untrusted bodies into frames, within limits on bytes, time and memory.
+//!
+//! A body is read without a slot in the queue, so that slow senders hold no thread's next job back:
+//! a full queue is noticed before the first byte is read, and the slot is taken when the frame is
+//! whole. What slow senders can hold is memory, which is bounded for all bodies together.
+
+use super::App;
+use super::api::FrameJson;
+use super::pool::QueueFull;
+use super::problem::Problem;
+use axum::body::{Body, Bytes, HttpBody};
+use axum::extract::{FromRequest, Multipart, Request};
+use axum::http::{HeaderMap, header};
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use http_body_util::BodyExt;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::timeout;
+
+/// Bytes of a form or of JSON beside the frame.
+const ENVELOPE_BYTES: usize = 16 << 10;
+/// The most that is allocated because a caller said how long a body will be.
+const MAX_TRUSTED_BYTES: usize = 256 << 10;
+/// When to come back where no memory for bodies is left.
+const MEMORY_WAIT: Duration = Duration::from_secs(1);
+/// The field of a form that holds a frame.
+const FIELD: &str = "frame";
+
+/// The bytes of one frame, and their share of the memory for bodies.
+#[derive(Clone)]
+pub struct Frame {
+    /// The encoded image.
+    pub bytes: Bytes,
+    held: Arc<OwnedSemaphorePermit>,
+}
+
+/// The one frame of a request: the image itself, a form, or JSON.
+pub struct OneFrame(pub Frame);
+
+/// The frames of a batch, a form.
+pub struct Frames(pub Vec<Frame>);
+
+/// Why a body gave no frame.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum BodyError {
+    /// Nothing in it.
+    #[error("the body is empty; send the image itself, for example with `curl --data-binary @frame.jpg`")]
+    Empty,
+    /// Too many bytes.
+    #[error("the body has more than {limit} bytes; send a smaller or more compressed frame")]
+    TooLarge {
+        /// The most bytes.
+        limit: usize,
+    },
+    /// Too many frames in a batch.
+    #[error("the batch has more than {0} frames; send several batches")]
+    TooManyFrames(usize),
+    /// It took too long.
+    #[error("the body was not complete after {} ms; send smaller frames or use a faster connection", .0.as_millis())]
+    Slow(Duration),
+    /// A type that is not read here.
+    #[error("the type {0:?} is not read here; send {1}")]
+    UnsupportedType(String, &'static str),
+    /// Not what its type says.
+    #[error("{0}")]
+    Malformed(String),
+    /// The connection broke.
+    #[error("the body broke off: {0}")]
+    Broken(String),
+    /// All memory for bodies is in use.
+    #[error("too many bodies are being received; try again after the time in Retry-After")]
+    NoMemory(QueueFull),
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum MediaType {
+    Image,
+    Form,
+    Json,
+}
+
+impl FromRequest<App> for OneFrame {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+        const TYPES: &str = "image/jpeg, image/png, image/webp, image/bmp, image/x-portable-graymap or \
+            application/octet-stream, multipart/form-data with a field `frame`, or application/json with \
+            base64 in `frame`";
+        let media_type = media_type(request.headers(), TYPES)?;
+        let max_bytes = app.settings.max_frame_bytes;
+        let limit = match media_type {
+            MediaType::Image => max_bytes,
+            MediaType::Form => max_bytes + ENVELOPE_BYTES,
+            MediaType::Json => max_bytes.div_ceil(3) * 4 + ENVELOPE_BYTES,
+        };
+        let (request, body) = read(app, request, limit).await?;
+        let frame = match media_type {
+            MediaType::Image => body,
+            MediaType::Form => only(form_frames(request, body, 2).await?)?,
+            MediaType::Json => Frame { bytes: json_frame(&body.bytes)?, ..body },
+        };
+        if frame.bytes.len() > max_bytes {
+            return Err(BodyError::TooLarge { limit: max_bytes }.into());
+        }
+        Ok(Self(frame))
+    }
+}
+
+impl FromRequest<App> for Frames {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+        const TYPES: &str = "multipart/form-data with a field `frame` for each frame";
+        let unsupported = BodyError::UnsupportedType(content_type(request.headers()).to_owned(), TYPES);
+        if media_type(request.headers(), TYPES)? != MediaType::Form {
+            return Err(unsupported.into());
+        }
+        let max_frames = app.settings.max_batch_frames;
+        let (request, body) = read(app, request, app.settings.max_batch_bytes).await?;
+        let frames = form_frames(request, body, max_frames + 1).await?;
+        match frames.len() {
+            0 => Err(BodyError::Empty.into()),
+            n if n > max_frames => Err(BodyError::TooManyFrames(max_frames).into()),
+            _ => Ok(Self(frames)),
+        }
+    }
+}
+
+/// Admits a request and reads its body: size as declared, a free slot, then the bytes.
+async fn read(app: &App, mut request: Request, limit: usize) -> Result<(Request, Frame), Problem> {
+    let body = std::mem::take(request.body_mut());
+    let declared = usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX);
+    if declared > limit {
+        return Err(BodyError::TooLarge { limit }.into());
+    }
+    if app.is_draining() {
+        return Err(Problem::Draining);
+    }
+    app.pool.has_room()?;
+    let patience = app.settings.body_timeout();
+    let frame = timeout(patience, collect(body, limit, &app.body_memory))
+        .await
+        .map_err(|_| BodyError::Slow(patience))??;
+    if frame.bytes.is_empty() { Err(BodyError::Empty.into()) } else { Ok((request, frame)) }
+}
+
+/// Reads a body of at most `limit` bytes, each byte of which is taken from `memory` as it comes.
+async fn collect(mut body: Body, limit: usize, memory: &Arc<Semaphore>) -> Result<Frame, BodyError> {
+    let declared = usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX);
+    let mut held = take(memory, 0)?;
+    // A body that comes in one piece is not copied.
+    let mut whole = Bytes::new();
+    let mut pieces = Vec::new();
+    while let Some(piece) = body.frame().await {
+        let piece = piece.map_err(|error| BodyError::Broken(error.to_string()))?;
+        let Ok(piece) = piece.into_data() else { continue };
+        if held.num_permits() + piece.len() > limit {
+            return Err(BodyError::TooLarge { limit });
+        }
+        held.merge(take(memory, piece.len())?);
+        if whole.is_empty() && pieces.is_empty() {
+            whole = piece;
+        } else {
+            if pieces.is_empty() {
+                pieces.reserve(declared.min(MAX_TRUSTED_BYTES));
+                pieces.extend_from_slice(&std::mem::take(&mut whole));
+            }
+            pieces.extend_from_slice(&piece);
+        }
+    }
+    let bytes = if pieces.is_empty() { whole } else { Bytes::from(pieces) };
+    Ok(Frame { bytes, held: Arc::new(held) })
+}
+
+fn take(memory: &Arc<Semaphore>, n_bytes: usize) -> Result<OwnedSemaphorePermit, BodyError> {
+    let full = BodyError::NoMemory(QueueFull { retry_after: MEMORY_WAIT });
+    let Ok(n_bytes) = u32::try_from(n_bytes) else { return Err(full) };
+    memory.clone().try_acquire_many_owned(n_bytes).map_err(|_| full)
+}
+
+fn content_type(headers: &HeaderMap) -> &str {
+    headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default()
+}
+
+/// How to read a body; one without a type is taken for an image.
+fn media_type(headers: &HeaderMap, types: &'static str) -> Result<MediaType, BodyError> {
+    let content_type = content_type(headers);
+    let essence = content_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
+    match essence.as_str() {
+        "" | "application/octet-stream" => Ok(MediaType::Image),
+        "image/jpeg" | "image/png" | "image/webp" | "image/bmp" | "image/x-portable-graymap" => {
+            Ok(MediaType::Image)
+        }
+        "multipart/form-data" => Ok(MediaType::Form),
+        "application/json" => Ok(MediaType::Json),
+        _ => Err(BodyError::UnsupportedType(content_type.to_owned(), types)),
+    }
+}
+
+/// The frames of a form in the order sent, at most `max_frames` of them.
+async fn form_frames(request: Request, body: Frame, max_frames: usize) -> Result<Vec<Frame>, BodyError> {
+    let malformed = |error: String| BodyError::Malformed(format!("the form cannot be read: {error}"));
+    let request = request.map(|_| Body::from(body.bytes));
+    let mut form =
+        Multipart::from_request(request, &()).await.map_err(|error| malformed(error.body_text()))?;
+    let mut frames = Vec::new();
+    while frames.len() < max_frames
+        && let Some(field) = form.next_field().await.map_err(|error| malformed(error.body_text()))?
+    {
+        if field.name() != Some(FIELD) {
+            let name = field.name().unwrap_or_default();
+            return Err(malformed(format!("it has a field {name:?}; the field of a frame is `frame`")));
+        }
+        let bytes = field.bytes().await.map_err(|error| malformed(error.body_text()))?;
+        frames.push(Frame { bytes, held: body.held.clone() });
+    }
+    Ok(frames)
+}
+
+fn only(mut frames: Vec<Frame>) -> Result<Frame, BodyError> {
+    match (frames.pop(), frames.is_empty()) {
+        (None, _) => Err(BodyError::Malformed("the form has no field `frame`".into())),
+        (Some(frame), true) => Ok(frame),
+        (Some(_), false) => {
+            Err(BodyError::Malformed("the form has several frames; send them to /v1/recognize/batch".into()))
+        }
+    }
+}
+
+fn json_frame(body: &[u8]) -> Result<Bytes, BodyError> {
+    let text: FrameJson = serde_json::from_slice(body)
+        .map_err(|error| BodyError::Malformed(format!("the JSON cannot be read: {error}")))?;
+    let bytes = BASE64_STANDARD
+        .decode(text.frame.as_bytes())
+        .map_err(|error| BodyError::Malformed(format!("`frame` is not base64: {error}")))?;
+    if bytes.is_empty() { Err(BodyError::Empty) } else { Ok(bytes.into()) }
+}

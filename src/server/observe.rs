@@ -1,0 +1,131 @@
+//! What happens around every request: its id, its line in the log, its error in one form.
+
+use super::App;
+use super::linger::linger;
+use super::problem::Problem;
+use axum::extract::{MatchedPath, Request, State};
+use axum::http::{HeaderName, HeaderValue, header};
+use axum::middleware::Next;
+use axum::response::{IntoResponse, Response};
+use std::any::Any;
+use std::hash::{BuildHasher, RandomState};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+use tracing::field::Empty;
+use tracing::{Instrument, info_span};
+
+const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
+const MAX_ID_BYTES: usize = 64;
+/// What the documentation page needs, and nothing from elsewhere.
+const CONTENT_POLICY: &str =
+    "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'";
+
+/// Makes the ids of requests that bring none: a part for this process, and a number.
+pub struct RequestIds {
+    process: u32,
+    next: AtomicU64,
+}
+
+/// What every handler may know about its request.
+#[derive(Clone, Debug)]
+pub struct RequestContext {
+    /// Its id, the caller's own where that can be used.
+    pub id: Arc<str>,
+    /// When its head had arrived.
+    pub arrived: Instant,
+}
+
+impl RequestIds {
+    /// Ids that differ from those of other processes.
+    pub fn new() -> Self {
+        Self { process: RandomState::new().hash_one(0) as u32, next: AtomicU64::new(1) }
+    }
+
+    fn next(&self) -> Arc<str> {
+        format!("{:08x}-{:06x}", self.process, self.next.fetch_add(1, Ordering::Relaxed)).into()
+    }
+}
+
+impl Default for RequestIds {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Gives the request an id and a span, and the response its headers; completes problems.
+pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Response {
+    let given = request.headers().get(&REQUEST_ID).and_then(usable_id);
+    let context =
+        RequestContext { id: given.unwrap_or_else(|| app.request_ids.next()), arrived: Instant::now() };
+    let route = request.extensions().get::<MatchedPath>().cloned();
+    let route = route.as_ref().map_or("(none)", MatchedPath::as_str);
+    let span = info_span!(
+        "request", request_id = %context.id, method = %request.method(), route,
+        key = Empty, robot = Empty, model = Empty
+    );
+    async move {
+        let mut request = request.map(linger);
+        request.extensions_mut().insert(context.clone());
+        let response = complete(next.run(request).await, &context);
+        let ms = context.arrived.elapsed().as_micros() as f64 / 1e3;
+        tracing::info!(status = response.status().as_u16(), ms, "answered");
+        response
+    }
+    .instrument(span)
+    .await
+}
+
+/// The answer to a request whose handler panicked; the panic itself is in the log.
+pub fn panicked(_: Box<dyn Any + Send>) -> Response {
+    Problem::Framework(axum::http::StatusCode::INTERNAL_SERVER_ERROR).into_response()
+}
+
+fn complete(mut response: Response, context: &RequestContext) -> Response {
+    let status = response.status();
+    if let Some(problem) = response.extensions_mut().remove::<Arc<Problem>>() {
+        response = problem.render(response, &context.id);
+    } else if status.is_client_error() || status.is_server_error() {
+        response = Problem::Framework(status).render(response, &context.id);
+    }
+    let headers = response.headers_mut();
+    if let Ok(id) = HeaderValue::from_str(&context.id) {
+        headers.insert(REQUEST_ID, id);
+    }
+    for (name, value) in [
+        (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
+        (header::REFERRER_POLICY, "no-referrer"),
+        (header::CONTENT_SECURITY_POLICY, CONTENT_POLICY),
+        (header::CACHE_CONTROL, "no-store"),
+    ] {
+        headers.insert(name, HeaderValue::from_static(value));
+    }
+    response
+}
+
+/// A caller's id, where it can stand in a log as it is.
+fn usable_id(value: &HeaderValue) -> Option<Arc<str>> {
+    let id = value.to_str().ok()?;
+    let is_usable = (1..=MAX_ID_BYTES).contains(&id.len()) && id.bytes().all(|byte| byte.is_ascii_graphic());
+    is_usable.then(|| id.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_id_is_taken_over_only_where_it_can_stand_in_a_log() {
+        let id = |text: &str| usable_id(&HeaderValue::from_bytes(text.as_bytes()).unwrap());
+        assert_eq!(id("abc-1_2").as_deref(), Some("abc-1_2"));
+        for bad in ["", "a b", "caf\u{e9}", &"x".repeat(65)] {
+            assert_eq!(id(bad), None, "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn ids_differ() {
+        let ids = RequestIds::new();
+        assert_ne!(ids.next(), ids.next());
+    }
+}

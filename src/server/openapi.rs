@@ -1,0 +1,123 @@
+//! The OpenAPI document, made from the handlers and the kinds of problem.
+
+use super::api::ProblemBody;
+use super::problem::{Kind, MEDIA_TYPE};
+use std::collections::BTreeMap;
+use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
+use utoipa::openapi::{Content, Ref, RefOr, Response};
+use utoipa::{IntoResponses, Modify, OpenApi, ToSchema};
+
+/// The name of the security scheme.
+pub const KEY: &str = "key";
+
+/// What is not told by the handlers.
+#[derive(OpenApi)]
+#[openapi(
+    info(
+        title = "roomsight",
+        description = "Tells a robot which room it is in: one frame in, the rooms with their \
+            probabilities out. Every error is `application/problem+json`; what to do about it is in \
+            its `detail`. An answer names its request in `request_id` and in `X-Request-Id`, which a \
+            caller may also send."
+    ),
+    tags(
+        (name = "recognize", description = "Frames to rooms"),
+        (name = "models", description = "What recognizes them"),
+        (name = "health", description = "Whether the service works")
+    ),
+    components(schemas(ProblemBody)),
+    modifiers(&Key)
+)]
+pub struct Description;
+
+/// A body that is the image itself.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary, content_media_type = "application/octet-stream")]
+#[expect(dead_code, reason = "only described; `body` reads it")]
+pub struct ImageBytes(Vec<u8>);
+
+/// A frame as a form.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "only described; `body` reads it")]
+pub struct FrameForm {
+    /// The image.
+    frame: ImageBytes,
+}
+
+/// Several frames as a form.
+#[derive(ToSchema)]
+#[expect(dead_code, reason = "only described; `body` reads it")]
+pub struct BatchForm {
+    /// The images, each in a field `frame`.
+    frame: Vec<ImageBytes>,
+}
+
+/// What can go wrong with a frame or a batch of them.
+pub struct FrameProblems;
+
+/// What can go wrong when models are read.
+pub struct ModelProblems;
+
+/// What can go wrong when readiness is asked for.
+pub struct ReadyProblems;
+
+/// What can go wrong where anyone may ask.
+pub struct PathProblems;
+
+impl IntoResponses for FrameProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let concerns_paths = |kind: &Kind| matches!(kind, Kind::NotFound | Kind::MethodNotAllowed);
+        responses(Kind::ALL.into_iter().filter(|kind| !concerns_paths(kind)))
+    }
+}
+
+impl IntoResponses for ModelProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        responses([Kind::BadRequest, Kind::Unauthorized, Kind::Forbidden, Kind::NoSuchModel, Kind::Internal])
+    }
+}
+
+impl IntoResponses for ReadyProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        responses([Kind::Draining])
+    }
+}
+
+impl IntoResponses for PathProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        responses([Kind::NotFound])
+    }
+}
+
+/// One response a status, its kinds described together.
+fn responses(kinds: impl IntoIterator<Item = Kind>) -> BTreeMap<String, RefOr<Response>> {
+    let mut texts: BTreeMap<u16, Vec<String>> = BTreeMap::new();
+    for kind in kinds {
+        let text = format!("{} (`{}`): {}.", kind.title(), kind.uri(), kind.advice());
+        texts.entry(kind.status().as_u16()).or_default().push(text);
+    }
+    let schema = || Content::new(Some(Ref::from_schema_name(ProblemBody::name())));
+    texts
+        .into_iter()
+        .map(|(status, texts)| {
+            let mut response = Response::new(texts.join(" "));
+            response.content.insert(MEDIA_TYPE.to_owned(), RefOr::T(schema()));
+            (status.to_string(), RefOr::T(response))
+        })
+        .collect()
+}
+
+struct Key;
+
+impl Modify for Key {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let components = document.components.get_or_insert_default();
+        let mut scheme = Http::new(HttpAuthScheme::Bearer);
+        scheme.description = Some(
+            "A key made by `roomsight key new`; also read from `X-Api-Key`. A service without keys asks \
+             for none."
+                .to_owned(),
+        );
+        components.add_security_scheme(KEY, SecurityScheme::Http(scheme));
+    }
+}

@@ -1,0 +1,318 @@
+//! Every error that a caller can see, as RFC 9457 `application/problem+json`. The only place that
+//! knows status codes.
+
+use super::api::ProblemBody;
+use super::auth::AuthError;
+use super::body::BodyError;
+use super::pool::QueueFull;
+use super::recognize::RecognizeError;
+use super::registry::LookupError;
+use crate::image::ImageError;
+use Kind as K;
+use axum::http::{HeaderValue, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use std::sync::Arc;
+use std::time::Duration;
+
+/// The media type of every error.
+pub const MEDIA_TYPE: &str = "application/problem+json";
+
+/// What went wrong with a request.
+#[derive(Debug, thiserror::Error)]
+pub enum Problem {
+    /// The caller may not.
+    #[error(transparent)]
+    Auth(#[from] AuthError),
+    /// The body is wrong.
+    #[error(transparent)]
+    Body(#[from] BodyError),
+    /// The model is not there.
+    #[error(transparent)]
+    Lookup(#[from] LookupError),
+    /// The queue is full.
+    #[error(transparent)]
+    Busy(#[from] QueueFull),
+    /// The frame got no answer.
+    #[error(transparent)]
+    Recognize(#[from] RecognizeError),
+    /// The query or the path is wrong.
+    #[error("{0}")]
+    Query(String),
+    /// There is nothing of this name.
+    #[error("{}", K::NotFound.advice())]
+    NotFound,
+    /// The service stops.
+    #[error("the service is stopping; send the request to another, or again in a while")]
+    Draining,
+    /// An answer of the framework with an error's status.
+    #[error("{}", Kind::from_status(*.0).advice())]
+    Framework(StatusCode),
+}
+
+/// The kinds of problem: one `type`, title and status each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Malformed query, path or body.
+    BadRequest,
+    /// No key, or one that nobody has.
+    Unauthorized,
+    /// A key of the wrong role.
+    Forbidden,
+    /// No such path.
+    NotFound,
+    /// No such model or version.
+    NoSuchModel,
+    /// Another method.
+    MethodNotAllowed,
+    /// A body that came too slowly.
+    SlowBody,
+    /// A version that does not serve.
+    NotReady,
+    /// Too many bytes, pixels or frames.
+    TooLarge,
+    /// A type of body that is not read here.
+    UnsupportedType,
+    /// Bytes that are no image.
+    NotAnImage,
+    /// No slot is free.
+    QueueFull,
+    /// A defect of ours.
+    Internal,
+    /// The service stops.
+    Draining,
+    /// The deadline passed.
+    DeadlinePassed,
+}
+
+impl Kind {
+    /// All kinds, by status.
+    pub const ALL: [Self; 15] = [
+        K::BadRequest,
+        K::Unauthorized,
+        K::Forbidden,
+        K::NotFound,
+        K::NoSuchModel,
+        K::MethodNotAllowed,
+        K::SlowBody,
+        K::NotReady,
+        K::TooLarge,
+        K::UnsupportedType,
+        K::NotAnImage,
+        K::QueueFull,
+        K::Internal,
+        K::Draining,
+        K::DeadlinePassed,
+    ];
+
+    /// The status code.
+    pub fn status(self) -> StatusCode {
+        match self {
+            K::BadRequest => StatusCode::BAD_REQUEST,
+            K::Unauthorized => StatusCode::UNAUTHORIZED,
+            K::Forbidden => StatusCode::FORBIDDEN,
+            K::NotFound | K::NoSuchModel => StatusCode::NOT_FOUND,
+            K::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
+            K::SlowBody => StatusCode::REQUEST_TIMEOUT,
+            K::NotReady => StatusCode::CONFLICT,
+            K::TooLarge => StatusCode::PAYLOAD_TOO_LARGE,
+            K::UnsupportedType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
+            K::NotAnImage => StatusCode::UNPROCESSABLE_ENTITY,
+            K::QueueFull => StatusCode::TOO_MANY_REQUESTS,
+            K::Internal => StatusCode::INTERNAL_SERVER_ERROR,
+            K::Draining => StatusCode::SERVICE_UNAVAILABLE,
+            K::DeadlinePassed => StatusCode::GATEWAY_TIMEOUT,
+        }
+    }
+
+    /// The last part of the `type`, `/problems/NAME`.
+    pub fn name(self) -> &'static str {
+        match self {
+            K::BadRequest => "bad-request",
+            K::Unauthorized => "unauthorized",
+            K::Forbidden => "forbidden",
+            K::NotFound => "not-found",
+            K::NoSuchModel => "no-such-model",
+            K::MethodNotAllowed => "method-not-allowed",
+            K::SlowBody => "slow-body",
+            K::NotReady => "version-not-ready",
+            K::TooLarge => "too-large",
+            K::UnsupportedType => "unsupported-type",
+            K::NotAnImage => "not-an-image",
+            K::QueueFull => "queue-full",
+            K::Internal => "internal",
+            K::Draining => "draining",
+            K::DeadlinePassed => "deadline-passed",
+        }
+    }
+
+    /// What it is, in a few words that never change.
+    pub fn title(self) -> &'static str {
+        match self {
+            K::BadRequest => "The request is malformed",
+            K::Unauthorized => "A valid key is missing",
+            K::Forbidden => "The key's role may not do this",
+            K::NotFound => "There is nothing at this path",
+            K::NoSuchModel => "There is no such model or version",
+            K::MethodNotAllowed => "The path does not take this method",
+            K::SlowBody => "The body came too slowly",
+            K::NotReady => "The version does not serve",
+            K::TooLarge => "Too many bytes, pixels or frames",
+            K::UnsupportedType => "A body of this type is not read here",
+            K::NotAnImage => "The body is not an image that can be read",
+            K::QueueFull => "The queue is full",
+            K::Internal => "The service failed",
+            K::Draining => "The service is stopping",
+            K::DeadlinePassed => "The deadline passed",
+        }
+    }
+
+    /// What a caller can do about it, where nothing more exact is known.
+    pub fn advice(self) -> &'static str {
+        match self {
+            K::BadRequest => "correct the request as the detail says; /docs describes all of them",
+            K::Unauthorized => "send a key in the header `Authorization: Bearer KEY`",
+            K::Forbidden => "use a key whose role allows this, or one of an admin",
+            K::NotFound => "see /docs for the paths there are",
+            K::NoSuchModel => "GET /v1/models lists the models there are",
+            K::MethodNotAllowed => "use a method of the header Allow",
+            K::SlowBody => "send smaller frames, or use a faster connection",
+            K::NotReady => "ask for the version that serves, or for none",
+            K::TooLarge => "send fewer bytes, fewer pixels or fewer frames",
+            K::UnsupportedType => "send the image itself as image/jpeg, or multipart/form-data, or JSON",
+            K::NotAnImage => "send a whole JPEG, PNG, WebP, BMP or PGM image",
+            K::QueueFull => "try again after the time in Retry-After, or send fewer frames",
+            K::Internal => "try again; if it stays, give the operator the request id",
+            K::Draining => "send the request to another instance, or again in a while",
+            K::DeadlinePassed => "allow more time, or send fewer frames",
+        }
+    }
+
+    /// The URI path that names the kind.
+    pub fn uri(self) -> String {
+        format!("/problems/{}", self.name())
+    }
+
+    fn from_status(status: StatusCode) -> Self {
+        let fallback = if status.is_server_error() { K::Internal } else { K::BadRequest };
+        Self::ALL.into_iter().find(|kind| kind.status() == status).unwrap_or(fallback)
+    }
+}
+
+impl Problem {
+    /// Its kind.
+    pub fn kind(&self) -> Kind {
+        match self {
+            Self::Auth(AuthError::Missing | AuthError::Unknown) => K::Unauthorized,
+            Self::Auth(AuthError::Forbidden { .. }) => K::Forbidden,
+            Self::Body(BodyError::TooLarge { .. } | BodyError::TooManyFrames(_)) => K::TooLarge,
+            Self::Body(BodyError::Slow(_)) => K::SlowBody,
+            Self::Body(BodyError::UnsupportedType(..)) => K::UnsupportedType,
+            Self::Body(BodyError::Empty | BodyError::Malformed(_) | BodyError::Broken(_)) => K::BadRequest,
+            Self::Body(BodyError::NoMemory(_)) => K::QueueFull,
+            Self::Lookup(LookupError::NoModel(_) | LookupError::NoVersion(..)) => K::NoSuchModel,
+            Self::Lookup(LookupError::NotReady(..) | LookupError::NoLabel(..)) => K::NotReady,
+            Self::Busy(_) => K::QueueFull,
+            Self::Recognize(RecognizeError::Image(ImageError::TooLarge(_))) => K::TooLarge,
+            Self::Recognize(RecognizeError::Image(_)) => K::NotAnImage,
+            Self::Recognize(RecognizeError::DeadlinePassed) => K::DeadlinePassed,
+            Self::Recognize(RecognizeError::CallerLeft | RecognizeError::Panicked(_)) => K::Internal,
+            Self::Query(_) => K::BadRequest,
+            Self::NotFound => K::NotFound,
+            Self::Draining => K::Draining,
+            Self::Framework(status) => Kind::from_status(*status),
+        }
+    }
+
+    /// What the caller reads. Causes of failures of ours stay in the log.
+    pub fn body(&self, request_id: &str) -> ProblemBody {
+        let kind = self.kind();
+        let detail = if kind == K::Internal { kind.advice().to_owned() } else { self.to_string() };
+        ProblemBody {
+            r#type: kind.uri(),
+            title: kind.title().to_owned(),
+            status: kind.status().as_u16(),
+            detail,
+            request_id: request_id.to_owned(),
+        }
+    }
+
+    /// Puts what the caller reads into a response, and what we want to know into the log.
+    pub fn render(&self, response: Response, request_id: &str) -> Response {
+        let kind = self.kind();
+        match kind {
+            K::Internal => tracing::error!(cause = %self, "failed"),
+            _ => tracing::debug!(cause = %self, "refused"),
+        }
+        let body = serde_json::to_vec(&self.body(request_id)).unwrap_or_default();
+        let (mut parts, _) = response.into_parts();
+        parts.status = kind.status();
+        parts.headers.remove(header::CONTENT_LENGTH);
+        parts.headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
+        if kind == K::Unauthorized {
+            parts.headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
+        if let Some(wait) = self.retry_after() {
+            parts
+                .headers
+                .insert(header::RETRY_AFTER, HeaderValue::from(wait.as_secs_f64().ceil().max(1.0) as u64));
+        }
+        Response::from_parts(parts, body.into())
+    }
+
+    fn retry_after(&self) -> Option<Duration> {
+        match self {
+            Self::Busy(QueueFull { retry_after })
+            | Self::Body(BodyError::NoMemory(QueueFull { retry_after })) => Some(*retry_after),
+            _ => None,
+        }
+    }
+}
+
+/// A response that [`Problem::render`] completes where the request's id is known.
+impl IntoResponse for Problem {
+    fn into_response(self) -> Response {
+        let mut response = self.kind().status().into_response();
+        response.extensions_mut().insert(Arc::new(self));
+        response
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::server::pool::Panicked;
+
+    #[test]
+    fn kinds_are_listed_once_with_names_of_their_own() {
+        for (kind_idx, kind) in Kind::ALL.into_iter().enumerate() {
+            assert!(Kind::ALL[..kind_idx].iter().all(|other| other.name() != kind.name()));
+            assert!(!kind.status().is_success());
+        }
+    }
+
+    #[test]
+    fn the_cause_of_our_own_failure_is_not_told() {
+        let body = Problem::from(RecognizeError::from(Panicked)).body("id");
+        assert_eq!((body.status, body.request_id.as_str()), (500, "id"));
+        assert!(!body.detail.contains("panic"), "{}", body.detail);
+    }
+
+    #[test]
+    fn a_wait_below_a_second_is_told_as_one() {
+        for (milliseconds, told) in [(0, "1"), (20, "1"), (1001, "2"), (5000, "5")] {
+            let problem = Problem::from(QueueFull { retry_after: Duration::from_millis(milliseconds) });
+            let response = problem.render(Response::default(), "id");
+            assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
+            assert_eq!(response.headers()[header::RETRY_AFTER], told);
+        }
+    }
+
+    #[test]
+    fn the_frameworks_own_errors_get_a_kind() {
+        for (status, kind) in
+            [(404, K::NotFound), (405, K::MethodNotAllowed), (418, K::BadRequest), (502, K::Internal)]
+        {
+            assert_eq!(Problem::Framework(StatusCode::from_u16(status).unwrap()).kind(), kind);
+        }
+    }
+}

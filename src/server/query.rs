@@ -1,0 +1,73 @@
+//! What a request asks for beside its frame, checked before its body is read.
+
+use super::App;
+use super::api::RecognizeQuery;
+use super::observe::RequestContext;
+use super::problem::Problem;
+use super::recognize::Task;
+use super::registry::Choice;
+use axum::Extension;
+use axum::extract::{FromRequestParts, Query};
+use axum::http::request::Parts;
+use std::sync::Arc;
+use std::time::Duration;
+
+const MAX_TEXT_BYTES: usize = 64;
+
+/// A query of the recognize calls, and what follows from it.
+pub struct Asked {
+    /// The query.
+    pub query: RecognizeQuery,
+    /// The request.
+    pub context: RequestContext,
+    /// What to do with each frame.
+    pub task: Task,
+}
+
+impl FromRequestParts<App> for Asked {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
+        let Query(query) = Query::<RecognizeQuery>::try_from_uri(&parts.uri)
+            .map_err(|error| Problem::Query(error.body_text()))?;
+        check("robot", query.robot.as_deref())?;
+        check("captured_at", query.captured_at.as_deref())?;
+        if query.top == Some(0) {
+            return Err(Problem::Query("`top` must be at least 1; leave it out for all rooms".into()));
+        }
+        let Extension(context) = Extension::<RequestContext>::from_request_parts(parts, app)
+            .await
+            .map_err(|error| Problem::Framework(error.status()))?;
+        let served = app.registry.choose(query.model.as_deref(), &choice(&query)?)?;
+        let span = tracing::Span::current();
+        span.record("model", &served.name).record("robot", query.robot.as_deref());
+        let wait = query.deadline_ms.map(Duration::from_millis);
+        let task = Task {
+            served: Arc::clone(served),
+            deadline: wait.and_then(|wait| context.arrived.checked_add(wait)),
+            explain: query.explain,
+        };
+        Ok(Self { query, context, task })
+    }
+}
+
+fn choice(query: &RecognizeQuery) -> Result<Choice, Problem> {
+    match (query.version, &query.label) {
+        (None, None) => Ok(Choice::Serving),
+        (Some(version), None) => Ok(Choice::Version(version)),
+        (None, Some(label)) => Ok(Choice::Label(label.clone())),
+        (Some(_), Some(_)) => Err(Problem::Query("give `version` or `label`, not both".into())),
+    }
+}
+
+/// Texts that are sent back and logged are short and have no control characters.
+fn check(name: &str, text: Option<&str>) -> Result<(), Problem> {
+    match text {
+        Some(text) if text.len() > MAX_TEXT_BYTES || text.chars().any(char::is_control) => {
+            Err(Problem::Query(format!(
+                "`{name}` must be at most {MAX_TEXT_BYTES} bytes without control characters"
+            )))
+        }
+        _ => Ok(()),
+    }
+}

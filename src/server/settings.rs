@@ -1,0 +1,294 @@
+//! What an operator may set: defaults, then a file, then the environment, then flags.
+
+use super::auth::Key;
+use crate::image;
+use config::{Config, Environment, File, FileFormat};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// The prefix of the environment's names: `ROOMSIGHT_QUEUE` sets `queue`.
+const ENVIRONMENT_PREFIX: &str = "ROOMSIGHT_";
+
+/// All settings of the service. [`Settings::default`] is what runs when nothing is set.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Settings {
+    /// Where to listen, `host:port`.
+    pub listen: String,
+    /// The folder `NAME/VERSION/` of models, or one model's folder.
+    pub models: PathBuf,
+    /// The model of requests that name none; empty: the first by name.
+    pub model: String,
+    /// Who may call, one `role:name:hash` each; `roomsight key new` makes them.
+    pub keys: Vec<Key>,
+    /// Serve callers without a key on an address that others can reach.
+    pub allow_anonymous: bool,
+    /// Threads that recognize; 0: one a core.
+    pub threads: usize,
+    /// Frames that may wait for a thread.
+    pub queue: usize,
+    /// The longest encoded frame, in bytes.
+    pub max_frame_bytes: usize,
+    /// The longest side of a frame, in pixels.
+    pub max_frame_side: u32,
+    /// The most pixels in a frame.
+    pub max_frame_pixels: u64,
+    /// The most memory that decoding one frame may take, in bytes.
+    pub max_decode_bytes: u64,
+    /// The most frames in a batch.
+    pub max_batch_frames: usize,
+    /// The longest body of a batch, in bytes.
+    pub max_batch_bytes: usize,
+    /// The most bytes of all bodies held at one time.
+    pub max_buffered_bytes: usize,
+    /// The most open connections; further ones wait to be accepted.
+    pub max_connections: usize,
+    /// How long a connection may take to send a request's head, or stay idle, in milliseconds.
+    pub header_timeout_ms: u64,
+    /// How long a caller may take to send a body, in milliseconds.
+    pub body_timeout_ms: u64,
+    /// How long accepted requests may take to finish after a stop, in milliseconds.
+    pub drain_timeout_ms: u64,
+    /// How log lines look.
+    pub log_format: LogFormat,
+    /// What is logged: `error`, `warn`, `info`, `debug`, or a filter as `roomsight=debug,warn`.
+    pub log_level: String,
+}
+
+/// How log lines look.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum LogFormat {
+    /// For people.
+    Human,
+    /// One JSON object a line.
+    Json,
+}
+
+/// Why settings were refused.
+#[derive(Debug, thiserror::Error)]
+pub enum SettingsError {
+    /// A file or value that cannot be read.
+    #[error("the settings cannot be read: {0}")]
+    Unreadable(#[from] config::ConfigError),
+    /// A value that cannot work.
+    #[error("the setting `{name}` is wrong: {reason}")]
+    Wrong {
+        /// The setting.
+        name: &'static str,
+        /// What is wrong and what would be right.
+        reason: String,
+    },
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let frame = image::Limits::default();
+        Self {
+            listen: "127.0.0.1:8080".into(),
+            models: "models".into(),
+            model: String::new(),
+            keys: Vec::new(),
+            allow_anonymous: false,
+            threads: 0,
+            queue: 64,
+            max_frame_bytes: frame.max_bytes,
+            max_frame_side: frame.max_side,
+            max_frame_pixels: frame.max_pixels,
+            max_decode_bytes: frame.max_memory,
+            max_batch_frames: 16,
+            max_batch_bytes: 64 << 20,
+            max_buffered_bytes: 256 << 20,
+            max_connections: 1024,
+            header_timeout_ms: 30_000,
+            body_timeout_ms: 10_000,
+            drain_timeout_ms: 10_000,
+            log_format: LogFormat::Human,
+            log_level: "info".into(),
+        }
+    }
+}
+
+impl Settings {
+    /// Layers a TOML file, the environment's `ROOMSIGHT_...` and flags over the defaults. Both
+    /// `environment` and `flags` map names to values; lists are separated by commas.
+    pub fn load(
+        file: Option<&Path>,
+        environment: impl IntoIterator<Item = (String, String)>,
+        flags: HashMap<String, String>,
+    ) -> Result<Self, SettingsError> {
+        let defaults = Config::try_from(&Self::default())?;
+        let mut layers = Config::builder().add_source(defaults.clone());
+        if let Some(path) = file {
+            layers = layers.add_source(File::from(path).format(FileFormat::Toml));
+        }
+        // Others put names of their own under our prefix (Kubernetes announces a service that is
+        // called roomsight as ROOMSIGHT_PORT), so that only the names of settings count.
+        let known = defaults.cache.into_table()?;
+        let environment = environment
+            .into_iter()
+            .filter_map(|(name, value)| Some((name.strip_prefix(ENVIRONMENT_PREFIX)?.to_lowercase(), value)))
+            .filter(|(name, _)| known.contains_key(name))
+            .collect();
+        let settings: Self =
+            layers.add_source(texts(environment)).add_source(texts(flags)).build()?.try_deserialize()?;
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// The settings as a TOML file, hashes of keys left out.
+    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
+        toml::to_string_pretty(self)
+    }
+
+    /// The number of recognizing threads.
+    pub fn n_threads(&self) -> usize {
+        match self.threads {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            n => n,
+        }
+    }
+
+    /// What decoding a frame is limited to.
+    pub fn frame_limits(&self) -> image::Limits {
+        image::Limits {
+            max_bytes: self.max_frame_bytes,
+            max_side: self.max_frame_side,
+            max_pixels: self.max_frame_pixels,
+            max_memory: self.max_decode_bytes,
+        }
+    }
+
+    /// [`Settings::header_timeout_ms`] as a duration.
+    pub fn header_timeout(&self) -> Duration {
+        Duration::from_millis(self.header_timeout_ms)
+    }
+
+    /// [`Settings::body_timeout_ms`] as a duration.
+    pub fn body_timeout(&self) -> Duration {
+        Duration::from_millis(self.body_timeout_ms)
+    }
+
+    /// [`Settings::drain_timeout_ms`] as a duration.
+    pub fn drain_timeout(&self) -> Duration {
+        Duration::from_millis(self.drain_timeout_ms)
+    }
+
+    fn check(&self) -> Result<(), SettingsError> {
+        let n_slots = self.n_threads() + self.queue;
+        let largest_body = self.max_frame_bytes.max(self.max_batch_bytes);
+        let wrong = |name, reason: String| Err(SettingsError::Wrong { name, reason });
+        if self.threads > 1024 {
+            return wrong("threads", "more than 1024 threads; 0 means one a core".into());
+        }
+        if self.max_connections == 0 || self.max_connections > 1_000_000 {
+            return wrong("max_connections", "it must be from 1 to 1000000".into());
+        }
+        if self.queue > 1_000_000 {
+            return wrong("queue", "it must be at most 1000000".into());
+        }
+        if self.max_batch_frames == 0 || self.max_batch_frames > n_slots {
+            return wrong(
+                "max_batch_frames",
+                format!("a batch must fit the queue: set it from 1 to {n_slots}, or raise `queue`"),
+            );
+        }
+        if largest_body > self.max_buffered_bytes || self.max_buffered_bytes > u32::MAX as usize {
+            return wrong(
+                "max_buffered_bytes",
+                format!("it must hold the largest body: set it from {largest_body} to {}", u32::MAX),
+            );
+        }
+        Ok(())
+    }
+}
+
+/// A layer of settings that come as texts.
+fn texts(values: HashMap<String, String>) -> Environment {
+    Environment::default()
+        .source(Some(values))
+        .try_parsing(true)
+        .list_separator(",")
+        .with_list_parse_key("keys")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn map(pairs: &[(&str, &str)]) -> HashMap<String, String> {
+        pairs.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect()
+    }
+
+    fn file(text: &str) -> tempfile::NamedTempFile {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), text).unwrap();
+        file
+    }
+
+    #[test]
+    fn flags_beat_the_environment_that_beats_the_file_that_beats_the_defaults() {
+        let file = file("queue = 10\nthreads = 3\nmax_connections = 7\n");
+        let environment = map(&[("ROOMSIGHT_QUEUE", "20"), ("ROOMSIGHT_THREADS", "4")]);
+        let settings = Settings::load(Some(file.path()), environment, map(&[("queue", "30")])).unwrap();
+        assert_eq!((settings.queue, settings.threads, settings.max_connections), (30, 4, 7));
+        assert_eq!(settings.max_batch_frames, Settings::default().max_batch_frames);
+    }
+
+    #[test]
+    fn an_unknown_key_in_the_file_is_named() {
+        let file = file("quue = 10\n");
+        let error = Settings::load(Some(file.path()), map(&[]), map(&[])).unwrap_err().to_string();
+        assert!(error.contains("quue"), "{error}");
+    }
+
+    #[test]
+    fn a_missing_file_is_named() {
+        let error = Settings::load(Some(Path::new("/no/such.toml")), map(&[]), map(&[])).unwrap_err();
+        assert!(error.to_string().contains("/no/such.toml"), "{error}");
+    }
+
+    #[test]
+    fn foreign_names_in_the_environment_are_no_settings() {
+        let environment = map(&[("ROOMSIGHT_PORT", "tcp://10.0.0.1:80"), ("QUEUE", "9"), ("PATH", "/bin")]);
+        let settings = Settings::load(None, environment, map(&[])).unwrap();
+        assert_eq!(settings.queue, Settings::default().queue);
+    }
+
+    #[test]
+    fn keys_come_from_the_environment_and_are_not_printed() {
+        let (hash, other) = ("ab".repeat(32), "cd".repeat(32));
+        let keys = format!("robot:wall-e:{hash},viewer:screen:{other}");
+        let settings = Settings::load(None, map(&[("ROOMSIGHT_KEYS", &keys)]), map(&[])).unwrap();
+        let printed = settings.to_toml().unwrap();
+        assert_eq!(settings.keys.len(), 2);
+        assert!(printed.contains("robot:wall-e:") && printed.contains("viewer:screen:"), "{printed}");
+        assert!(!printed.contains(&hash) && !printed.contains(&other), "{printed}");
+        assert!(!format!("{settings:?}").contains(&hash));
+    }
+
+    #[test]
+    fn what_is_printed_without_keys_can_be_read_again() {
+        let file = file(&Settings::default().to_toml().unwrap());
+        let settings = Settings::load(Some(file.path()), map(&[]), map(&[])).unwrap();
+        assert_eq!(settings.to_toml().unwrap(), Settings::default().to_toml().unwrap());
+    }
+
+    #[test]
+    fn values_that_cannot_work_are_refused_by_name() {
+        for (name, value) in [
+            ("threads", "5000"),
+            ("max_connections", "0"),
+            ("max_batch_frames", "0"),
+            ("max_buffered_bytes", "10"),
+            ("queue", "many"),
+            ("keys", "robot:wall-e:short"),
+            ("log_format", "xml"),
+        ] {
+            let error = Settings::load(None, map(&[]), map(&[(name, value)])).unwrap_err().to_string();
+            assert!(error.contains(name), "{name}: {error}");
+        }
+    }
+}
