@@ -1,9 +1,14 @@
 //! The kind of camera a frame comes from, and where its pixels are valid.
 
+mod mirror;
+
+pub use mirror::Mirror;
+
+use crate::image::Image;
 use serde::{Deserialize, Serialize};
 
 /// How a camera projects the world.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum CameraKind {
     /// An ordinary lens.
@@ -12,4 +17,196 @@ pub enum CameraKind {
     Equirectangular,
     /// A camera that looks up into a curved mirror.
     Omnidirectional,
+}
+
+/// A camera as a model knows it. Nothing is detected or described outside its valid region.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// How it projects.
+    pub projection: Projection,
+    /// Parts of the frame that always show the robot itself.
+    pub mask: Option<Mask>,
+}
+
+/// A [`CameraKind`] with the numbers it needs.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Projection {
+    /// An ordinary lens.
+    Perspective,
+    /// A full panorama; the left and right edges meet.
+    Equirectangular,
+    /// A mirror seen from below.
+    Omnidirectional(Mirror),
+}
+
+/// Which pixels of a frame show the world. It is stretched over frames of any size.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mask(Image);
+
+impl Mask {
+    /// Takes a picture whose dark pixels (below 128) hide the robot.
+    pub fn new(picture: Image) -> Self {
+        Self(picture)
+    }
+
+    /// The picture: dark pixels are hidden.
+    pub fn picture(&self) -> &Image {
+        &self.0
+    }
+}
+
+impl Camera {
+    /// A camera without a mask.
+    pub fn new(projection: Projection) -> Self {
+        Self { projection, mask: None }
+    }
+
+    /// The valid region of a frame of `width` x `height` pixels.
+    pub fn view(&self, width: usize, height: usize) -> View {
+        let hidden = self.mask.as_ref().map(|mask| HiddenCount::new(&mask.0, width, height));
+        View { width, height, projection: self.projection, hidden }
+    }
+}
+
+/// The valid region of frames of one size.
+#[derive(Clone, Debug)]
+pub struct View {
+    width: usize,
+    height: usize,
+    projection: Projection,
+    hidden: Option<HiddenCount>,
+}
+
+impl View {
+    /// The frame's width in pixels.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// The frame's height in pixels.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Whether the left and right edges of the frame meet.
+    pub fn wraps(&self) -> bool {
+        self.projection == Projection::Equirectangular
+    }
+
+    /// Whether all pixels nearer than `margin` to (x, y) are valid.
+    ///
+    /// In masked frames the square round the circle must be valid.
+    pub fn contains(&self, x: f32, y: f32, margin: f32) -> bool {
+        let (right, bottom) = ((self.width - 1) as f32, (self.height - 1) as f32);
+        let columns = self.wraps() || (x - margin >= 0.0 && x + margin <= right);
+        let inside = columns && y - margin >= 0.0 && y + margin <= bottom;
+        inside && self.in_mirror(x, y, margin) && self.hidden.as_ref().is_none_or(|hidden| hidden.none(x, y, margin))
+    }
+
+    /// Whether every pixel of the frame is valid.
+    pub fn is_whole_frame(&self) -> bool {
+        self.hidden.is_none() && !matches!(self.projection, Projection::Omnidirectional(_))
+    }
+
+    /// The unit vector from the mirror center to (x, y); `None` for cameras without a mirror and in the
+    /// center itself.
+    pub fn radial_direction(&self, x: f32, y: f32) -> Option<(f32, f32)> {
+        let Projection::Omnidirectional(mirror) = self.projection else { return None };
+        let (dx, dy, radius) = mirror.polar(x, y, self.width);
+        (radius > 0.0).then(|| (dx / radius, dy / radius))
+    }
+
+    fn in_mirror(&self, x: f32, y: f32, margin: f32) -> bool {
+        let Projection::Omnidirectional(mirror) = self.projection else { return true };
+        let (_, _, radius) = mirror.polar(x, y, self.width);
+        let width = self.width as f32;
+        radius - margin >= mirror.inner_radius * width && radius + margin <= mirror.outer_radius * width
+    }
+}
+
+/// A summed-area table of hidden pixels: whether a square is free of them in constant time.
+#[derive(Clone, Debug)]
+struct HiddenCount {
+    width: usize,
+    height: usize,
+    /// `(width + 1) * (height + 1)` sums; the first row and column are zero.
+    sums: Vec<u32>,
+}
+
+impl HiddenCount {
+    fn new(mask: &Image, width: usize, height: usize) -> Self {
+        let stride = width + 1;
+        let mut sums = vec![0; stride * (height + 1)];
+        for y in 0..height {
+            let mask_row = mask.row(y * mask.height() / height);
+            let mut row_sum = 0;
+            for x in 0..width {
+                row_sum += u32::from(mask_row[x * mask.width() / width] < 128);
+                sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + row_sum;
+            }
+        }
+        Self { width, height, sums }
+    }
+
+    fn none(&self, x: f32, y: f32, margin: f32) -> bool {
+        let low = |center: f32| (center - margin).floor().max(0.0) as usize;
+        let high = |center: f32, end: usize| (((center + margin).ceil() + 1.0).max(0.0) as usize).min(end);
+        let (left, right) = (low(x).min(self.width), high(x, self.width));
+        let (top, bottom) = (low(y).min(self.height), high(y, self.height));
+        let sum = |x: usize, y: usize| self.sums[y * (self.width + 1) + x];
+        sum(right, bottom) + sum(left, top) == sum(left, bottom) + sum(right, top)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn omnidirectional() -> Camera {
+        let mirror = Mirror { center_x: 0.5, center_y: 0.375, inner_radius: 0.1, outer_radius: 0.3 };
+        Camera::new(Projection::Omnidirectional(mirror))
+    }
+
+    #[test]
+    fn the_mirror_is_a_ring_that_scales_with_the_frame() {
+        for width in [100, 640] {
+            let view = omnidirectional().view(width, width * 3 / 4);
+            let (center_x, center_y, unit) = (width as f32 * 0.5, width as f32 * 0.375, width as f32);
+            assert!(!view.contains(center_x, center_y, 0.0), "own reflection");
+            assert!(view.contains(center_x + 0.2 * unit, center_y, 0.09 * unit));
+            assert!(!view.contains(center_x + 0.2 * unit, center_y, 0.11 * unit));
+            assert!(!view.contains(center_x, center_y - 0.31 * unit, 0.0), "beyond the rim");
+        }
+    }
+
+    #[test]
+    fn directions_point_away_from_the_mirror_center() {
+        let view = omnidirectional().view(200, 150);
+        assert_eq!(view.radial_direction(140.0, 75.0), Some((1.0, 0.0)));
+        assert_eq!(view.radial_direction(100.0, 35.0), Some((0.0, -1.0)));
+        assert_eq!(view.radial_direction(100.0, 75.0), None);
+        assert_eq!(Camera::new(Projection::Perspective).view(9, 9).radial_direction(1.0, 1.0), None);
+    }
+
+    #[test]
+    fn only_panoramas_wrap() {
+        let panorama = Camera::new(Projection::Equirectangular).view(20, 10);
+        assert!(panorama.contains(0.0, 5.0, 3.0) && !panorama.contains(5.0, 0.0, 3.0));
+        assert!(!Camera::new(Projection::Perspective).view(20, 10).contains(0.0, 5.0, 3.0));
+    }
+
+    #[test]
+    fn masks_hide_and_stretch() {
+        let mask = Image::from_pixels(4, 2, vec![255, 255, 255, 0, 255, 255, 255, 255]).unwrap();
+        let camera = Camera { projection: Projection::Perspective, mask: Some(Mask::new(mask)) };
+        let view = camera.view(40, 20);
+        for y in 0..20 {
+            for x in 0..40 {
+                let expected = !(x >= 30 && y < 10);
+                assert_eq!(view.contains(x as f32, y as f32, 0.0), expected, "{x} {y}");
+            }
+        }
+        assert!(view.contains(26.0, 5.0, 3.0) && !view.contains(27.0, 5.0, 3.0));
+    }
 }

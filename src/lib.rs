@@ -19,8 +19,10 @@
 //! randomness: seeds are arguments.
 
 pub mod matrix;
+pub mod simd;
 
 pub mod camera;
+pub mod detect;
 pub mod image;
 
 pub mod model;

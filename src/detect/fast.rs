@@ -1,0 +1,352 @@
+//! FAST-9 corners: Rosten and Drummond, "Machine learning for high-speed corner detection", ECCV 2006.
+//!
+//! A pixel p is a corner at threshold t when 9 contiguous of the 16 pixels on the circle of radius 3 round
+//! it are all brighter than I(p) + t or all darker than I(p) - t. Its score is the largest t at which it
+//! still is one. A corner is kept when its score is above that of all eight neighbors.
+//!
+//! Instead of the paper's decision tree, opposite pairs of circle pixels are tested for many pixels at once
+//! (an arc of 9 holds at least one of each pair); the few that pass get the full test.
+
+use super::Keypoint;
+use crate::camera::View;
+use crate::image::Image;
+use crate::simd;
+use serde::{Deserialize, Serialize};
+
+/// The circle of radius 3, clockwise from the top.
+const CIRCLE: [(isize, isize); 16] = [
+    (0, -3),
+    (1, -3),
+    (2, -2),
+    (3, -1),
+    (3, 0),
+    (3, 1),
+    (2, 2),
+    (1, 3),
+    (0, 3),
+    (-1, 3),
+    (-2, 2),
+    (-3, 1),
+    (-3, 0),
+    (-3, -1),
+    (-2, -2),
+    (-1, -3),
+];
+
+const RADIUS: usize = 3;
+
+/// Where an adapting threshold starts: most frames have enough corners above it, and the fewer pixels pass
+/// the first test, the faster. It changes no result.
+const FIRST_THRESHOLD: u8 = 24;
+
+/// The FAST-9 detector.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Fast {
+    /// How far an arc must differ from the center.
+    pub threshold: FastThreshold,
+}
+
+impl Default for Fast {
+    fn default() -> Self {
+        Self { threshold: FastThreshold::Adaptive { target: 300, lowest: 8 } }
+    }
+}
+
+/// How the threshold of [`Fast`] is chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+pub enum FastThreshold {
+    /// The same gray value difference for every frame, as in the paper.
+    Fixed(u8),
+    /// As high as leaves `target` corners, so that light does not change their number: the `target` corners
+    /// of highest score.
+    Adaptive {
+        /// How many corners to keep.
+        target: usize,
+        /// The lowest threshold in gray values. Below it there is only noise; frames without enough
+        /// contrast get fewer corners.
+        lowest: u8,
+    },
+}
+
+impl Fast {
+    /// See [`super::Detector::detect`]. The response is the score.
+    pub fn detect(&self, image: &Image, view: &View) -> Vec<Keypoint> {
+        if view.wraps() {
+            return self.detect_wrapped(image, view);
+        }
+        match self.threshold {
+            FastThreshold::Fixed(threshold) => corners(image, threshold, view),
+            FastThreshold::Adaptive { target, lowest } => {
+                let mut found = corners(image, lowest.max(FIRST_THRESHOLD), view);
+                if found.len() < target && lowest < FIRST_THRESHOLD {
+                    found = corners(image, lowest, view);
+                }
+                strongest(found, target)
+            }
+        }
+    }
+
+    /// Continues the image beyond the seam, so that corners on it are found.
+    fn detect_wrapped(&self, image: &Image, view: &View) -> Vec<Keypoint> {
+        // The circle and one neighbor.
+        const SEAM: usize = RADIUS + 1;
+        let width = image.width();
+        let wrapped_width = width + 2 * SEAM;
+        let mut pixels = Vec::with_capacity(wrapped_width * image.height());
+        for y in 0..image.height() {
+            let row = image.row(y);
+            pixels.extend((0..wrapped_width).map(|x| row[(x + width * SEAM - SEAM) % width]));
+        }
+        let Some(wrapped) = Image::from_pixels(wrapped_width, image.height(), pixels) else { return Vec::new() };
+        let shifted = |threshold| {
+            let mut found = scored_corners(&wrapped, threshold);
+            found.retain_mut(|keypoint| {
+                keypoint.x -= SEAM as f32;
+                (0.0..width as f32).contains(&keypoint.x)
+                    && view.contains(keypoint.x, keypoint.y, RADIUS as f32)
+            });
+            found
+        };
+        match self.threshold {
+            FastThreshold::Fixed(threshold) => shifted(threshold),
+            FastThreshold::Adaptive { target, lowest } => strongest(shifted(lowest), target),
+        }
+    }
+}
+
+/// The `target` corners of highest score, ties to the first, in their old order.
+fn strongest(mut corners: Vec<Keypoint>, target: usize) -> Vec<Keypoint> {
+    if corners.len() <= target {
+        return corners;
+    }
+    let mut counts = [0usize; 256];
+    corners.iter().for_each(|corner| counts[corner.response as usize] += 1);
+    // The lowest score of which all corners fit.
+    let mut threshold = 255;
+    let mut n_above = 0;
+    while n_above + counts[threshold] <= target {
+        n_above += counts[threshold];
+        threshold -= 1;
+    }
+    let mut n_ties_left = target - n_above;
+    corners.retain(|corner| {
+        let score = corner.response as usize;
+        let tie_fits = score == threshold && n_ties_left > 0;
+        n_ties_left -= usize::from(tie_fits);
+        score > threshold || tie_fits
+    });
+    corners
+}
+
+fn corners(image: &Image, threshold: u8, view: &View) -> Vec<Keypoint> {
+    let mut found = scored_corners(image, threshold);
+    if !view.is_whole_frame() {
+        found.retain(|corner| view.contains(corner.x, corner.y, RADIUS as f32));
+    }
+    found
+}
+
+/// All corners of the image at `threshold` whose score exceeds their neighbors', with it as response.
+fn scored_corners(image: &Image, threshold: u8) -> Vec<Keypoint> {
+    let (width, height) = (image.width(), image.height());
+    let mut found = Vec::new();
+    if width <= 2 * RADIUS || height <= 2 * RADIUS {
+        return found;
+    }
+    let mut candidates = vec![0; width - 2 * RADIUS];
+    // Scores of three rows, turned round; one higher than the score so that 0 is no corner.
+    let mut scores = [vec![0u16; width], vec![0u16; width], vec![0u16; width]];
+    let mut columns: [Vec<usize>; 3] = Default::default();
+    for y in RADIUS..=height - RADIUS {
+        let current = y % 3;
+        for &x in &columns[current] {
+            scores[current][x] = 0;
+        }
+        columns[current].clear();
+        if y < height - RADIUS {
+            score_row(image, y, threshold, &mut candidates, |x, score| {
+                scores[current][x] = u16::from(score) + 1;
+                columns[current].push(x);
+            });
+        }
+        let (above, middle) = ((y + 1) % 3, (y + 2) % 3);
+        for &x in &columns[middle] {
+            let score = scores[middle][x];
+            let neighbors = [&scores[above][x - 1..=x + 1], &scores[current][x - 1..=x + 1]];
+            let largest = neighbors.iter().all(|row| row.iter().all(|&other| other < score))
+                && scores[middle][x - 1] < score
+                && scores[middle][x + 1] < score;
+            if largest {
+                found.push(Keypoint { x: x as f32, y: (y - 1) as f32, response: f32::from(score - 1) });
+            }
+        }
+    }
+    found
+}
+
+/// Calls `emit(x, score)` for each corner of row `y`, from left to right.
+fn score_row(image: &Image, y: usize, threshold: u8, candidates: &mut [u8], mut emit: impl FnMut(usize, u8)) {
+    let width = image.width();
+    let center_start = y * width + RADIUS;
+    let starts = CIRCLE.map(|(dx, dy)| center_start.wrapping_add_signed(dy * width as isize + dx));
+    let n_pixels = candidates.len();
+    let pixels = image.pixels();
+    let circle = starts.map(|start| &pixels[start..start + n_pixels]);
+    let center = &pixels[center_start..center_start + n_pixels];
+    simd::mark_fast_candidates(center, &circle, threshold, candidates);
+    for (block_idx, block) in candidates.chunks(16).enumerate() {
+        if block.iter().all(|&candidate| candidate == 0) {
+            continue;
+        }
+        for (offset, _) in block.iter().enumerate().filter(|&(_, &candidate)| candidate != 0) {
+            let x = block_idx * 16 + offset;
+            let score = score(center[x], &circle.map(|pixels| pixels[x]));
+            if let Some(score) = score.filter(|&score| score >= threshold) {
+                emit(x + RADIUS, score);
+            }
+        }
+    }
+}
+
+/// The largest threshold at which the pixel is a corner; `None` when it is one at no threshold.
+///
+/// An arc is beyond t as long as its pixel nearest to the center is: the best arc has the largest smallest
+/// difference.
+fn score(center: u8, circle: &[u8; 16]) -> Option<u8> {
+    let differences = circle.map(|pixel| i16::from(pixel) - i16::from(center));
+    let brighter = best_arc(differences);
+    let darker = best_arc(differences.map(|difference| -difference));
+    u8::try_from(brighter.max(darker) - 1).ok()
+}
+
+/// The largest minimum over all arcs of 9, by doubling the arcs' length: 1, 2, 4, 8, 9.
+fn best_arc(differences: [i16; 16]) -> i16 {
+    let joined = |arcs: [i16; 16], shift: usize| -> [i16; 16] {
+        std::array::from_fn(|start| arcs[start].min(arcs[(start + shift) % 16]))
+    };
+    let eight = joined(joined(joined(differences, 1), 2), 4);
+    (0..16).map(|start| eight[start].min(differences[(start + 8) % 16])).fold(i16::MIN, i16::max)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Mask, Mirror, Projection};
+    use proptest::prelude::*;
+
+    /// The segment test as the paper words it.
+    fn naive_is_corner(image: &Image, x: usize, y: usize, threshold: i32) -> bool {
+        let at = |x: usize, y: usize| i32::from(image.row(y)[x]);
+        let differences: Vec<i32> = (0..32)
+            .map(|i| CIRCLE[i % 16])
+            .map(|(dx, dy)| at(x.wrapping_add_signed(dx), y.wrapping_add_signed(dy)) - at(x, y))
+            .collect();
+        differences.windows(9).any(|arc| arc.iter().all(|&d| d > threshold) || arc.iter().all(|&d| d < -threshold))
+    }
+
+    fn naive_corners(image: &Image, threshold: u8) -> Vec<(usize, usize, i32)> {
+        let (width, height) = (image.width(), image.height());
+        let score = |x: usize, y: usize| -> i32 {
+            if x < 3 || y < 3 || x + 3 >= width || y + 3 >= height {
+                return -1;
+            }
+            (i32::from(threshold)..256).take_while(|&t| naive_is_corner(image, x, y, t)).last().unwrap_or(-1)
+        };
+        let scores: Vec<i32> = (0..width * height).map(|idx| score(idx % width, idx / width)).collect();
+        let mut found = Vec::new();
+        for y in 3..height.saturating_sub(3) {
+            for x in 3..width.saturating_sub(3) {
+                let own = scores[y * width + x];
+                let neighbors = (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (x, y)));
+                let largest =
+                    neighbors.filter(|&other| other != (x, y)).all(|(x, y)| scores[y * width + x] < own);
+                if own >= 0 && largest {
+                    found.push((x, y, own));
+                }
+            }
+        }
+        found
+    }
+
+    fn as_tuples(keypoints: &[Keypoint]) -> Vec<(usize, usize, i32)> {
+        keypoints.iter().map(|k| (k.x as usize, k.y as usize, k.response as i32)).collect()
+    }
+
+    fn whole(image: &Image) -> View {
+        Camera::new(Projection::Perspective).view(image.width(), image.height())
+    }
+
+    fn image_strategy() -> impl Strategy<Value = Image> {
+        (1usize..48, 1usize..14, 1u8..80).prop_flat_map(|(width, height, step)| {
+            // Few gray levels: arcs and equal scores are common.
+            prop::collection::vec(0u8..4, width * height).prop_map(move |levels| {
+                let pixels = levels.iter().map(|level| level.saturating_mul(step)).collect();
+                Image::from_pixels(width, height, pixels).unwrap()
+            })
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn equals_the_naive_segment_test(image in image_strategy(), threshold in 0u8..120) {
+            let fast = Fast { threshold: FastThreshold::Fixed(threshold) };
+            prop_assert_eq!(as_tuples(&fast.detect(&image, &whole(&image))), naive_corners(&image, threshold));
+        }
+
+        #[test]
+        fn adaptive_keeps_the_strongest(image in image_strategy(), target in 0usize..6, lowest in 0u8..60) {
+            let fast = Fast { threshold: FastThreshold::Adaptive { target, lowest } };
+            let kept = as_tuples(&fast.detect(&image, &whole(&image)));
+            let mut expected = naive_corners(&image, lowest);
+            expected.sort_by_key(|&(x, y, score)| (-score, y, x));
+            expected.truncate(target);
+            expected.sort_by_key(|&(x, y, _)| (y, x));
+            prop_assert_eq!(kept, expected);
+        }
+
+        #[test]
+        fn a_turned_panorama_has_the_same_corners(image in image_strategy(), turn in 0usize..48) {
+            prop_assume!(image.width() > 8);
+            let width = image.width();
+            let pixels =
+                (0..width * image.height()).map(|i| image.row(i / width)[(i % width + turn) % width]).collect();
+            let turned = Image::from_pixels(width, image.height(), pixels).unwrap();
+            let view = Camera::new(Projection::Equirectangular).view(width, image.height());
+            let fast = Fast { threshold: FastThreshold::Fixed(10) };
+            let mut back: Vec<_> = as_tuples(&fast.detect(&turned, &view))
+                .iter()
+                .map(|&(x, y, score)| ((x + turn) % width, y, score))
+                .collect();
+            back.sort_by_key(|&(x, y, _)| (y, x));
+            prop_assert_eq!(back, as_tuples(&fast.detect(&image, &view)));
+        }
+    }
+
+    #[test]
+    fn no_corner_touches_what_is_hidden() {
+        // Dark squares, with noise that tells neighboring scores apart.
+        let squares = |idx: usize| {
+            let noise = (idx * 7919 % 31) as u8;
+            noise + if idx % 120 % 10 < 5 && idx / 120 % 10 < 5 { 20 } else { 220 }
+        };
+        let image = Image::from_pixels(120, 90, (0..120 * 90).map(squares).collect()).unwrap();
+        let hidden = Image::from_pixels(2, 1, vec![255, 0]).unwrap();
+        let masked = Camera { projection: Projection::Perspective, mask: Some(Mask::new(hidden)) };
+        let mirror = Mirror { center_x: 0.5, center_y: 0.375, inner_radius: 0.1, outer_radius: 0.3 };
+        let fast = Fast { threshold: FastThreshold::Fixed(30) };
+
+        let all = fast.detect(&image, &whole(&image));
+        let left = fast.detect(&image, &masked.view(120, 90));
+        assert!(!left.is_empty() && left.len() < all.len());
+        assert!(left.iter().all(|corner| corner.x + 3.0 < 60.0));
+
+        let ring = fast.detect(&image, &Camera::new(Projection::Omnidirectional(mirror)).view(120, 90));
+        assert!(!ring.is_empty());
+        for corner in ring {
+            let radius = (corner.x - 60.0).hypot(corner.y - 45.0);
+            assert!((15.0..=33.0).contains(&radius), "{corner:?}");
+        }
+    }
+}
