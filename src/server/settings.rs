@@ -73,6 +73,9 @@ pub enum SettingsError {
     /// A file or value that cannot be read.
     #[error("the settings cannot be read: {0}")]
     Unreadable(#[from] config::ConfigError),
+    /// A value that TOML cannot say.
+    #[error("the settings cannot be written as TOML: {0}")]
+    Unwritable(#[from] toml::ser::Error),
     /// A value that cannot work.
     #[error("the setting `{name}` is wrong: {reason}")]
     Wrong {
@@ -120,13 +123,13 @@ impl Settings {
         flags: HashMap<String, String>,
     ) -> Result<Self, SettingsError> {
         let defaults = Config::try_from(&Self::default())?;
-        let mut layers = Config::builder().add_source(defaults.clone());
+        let mut layers = Config::builder().add_source(defaults);
         if let Some(path) = file {
             layers = layers.add_source(File::from(path).format(FileFormat::Toml));
         }
         // Others put names of their own under our prefix (Kubernetes announces a service that is
         // called roomsight as ROOMSIGHT_PORT), so that only the names of settings count.
-        let known = defaults.cache.into_table()?;
+        let known = toml::Table::try_from(Self::default())?;
         let environment = environment
             .into_iter()
             .filter_map(|(name, value)| Some((name.strip_prefix(ENVIRONMENT_PREFIX)?.to_lowercase(), value)))
@@ -139,8 +142,8 @@ impl Settings {
     }
 
     /// The settings as a TOML file, hashes of keys left out.
-    pub fn to_toml(&self) -> Result<String, toml::ser::Error> {
-        toml::to_string_pretty(self)
+    pub fn to_toml(&self) -> Result<String, SettingsError> {
+        Ok(toml::to_string_pretty(self)?)
     }
 
     /// The number of recognizing threads.
