@@ -22,8 +22,11 @@ pub mod matrix;
 pub mod simd;
 
 pub mod camera;
+pub mod describe;
 pub mod detect;
 pub mod image;
+
+pub mod vocabulary;
 
 pub mod model;
 
