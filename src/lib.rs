@@ -23,6 +23,8 @@ pub mod matrix;
 pub mod camera;
 pub mod image;
 
+pub mod svm;
+
 pub mod model;
 
 pub mod cli;
