@@ -85,15 +85,17 @@ impl Default for Config {
 
 /// Why an SVM or a calibration was not made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[expect(missing_docs, reason = "the texts say it")]
+#[allow(missing_docs, reason = "the texts say it")]
 pub enum SvmError {
-    #[error("{n_classes} class given, at least two are needed: label frames of another place")]
+    #[error("at least two classes are needed, {n_classes} given: add rows of another class")]
     TooFewClasses { n_classes: usize },
     #[error("class {class_idx} has no row to train on: add rows of it, or leave the class out")]
     EmptyClass { class_idx: usize },
     #[error("{n_labels} labels for {n_rows} rows: every row needs exactly one")]
     LabelCount { n_labels: usize, n_rows: usize },
-    #[error("row {row_idx} has label {label}, but labels go from 0 to one less than {n_classes}")]
+    #[error(
+        "row {row_idx} has label {label}, but of {n_classes} classes the last is one less: mend the labels"
+    )]
     UnknownLabel { row_idx: usize, label: usize, n_classes: usize },
     #[error("row {row_idx} holds a number that is not finite: remove the row or mend its features")]
     NotFinite { row_idx: usize },
@@ -123,8 +125,8 @@ pub struct LinearSvm {
 impl LinearSvm {
     /// Trains on `rows` (n x n_features), where row i is of class `labels[i]` < `n_classes`.
     ///
-    /// The result depends on the arguments only, not on the number of threads. Memory beyond the rows
-    /// stays near one GiB for any number of rows.
+    /// The result depends on the arguments only, not on the number of threads. Kernel matrices take no
+    /// more than about three GiB for any number of rows; up to 4,500 rows they take under 0.3.
     ///
     /// # Errors
     /// Fewer than two classes, a class without rows, a label too many or out of range, features that
@@ -334,10 +336,7 @@ fn check_rows(rows: &Matrix, labels: &[usize], n_classes: usize) -> Result<(), S
 }
 
 fn check_every_class_has_rows(labels: &[usize], n_classes: usize) -> Result<(), SvmError> {
-    let mut present: Vec<usize> = labels.to_vec();
-    present.sort_unstable();
-    present.dedup();
-    match (0..n_classes).find(|&class_idx| present.get(class_idx) != Some(&class_idx)) {
+    match (0..n_classes).find(|class_idx| !labels.contains(class_idx)) {
         Some(class_idx) => Err(SvmError::EmptyClass { class_idx }),
         None => Ok(()),
     }

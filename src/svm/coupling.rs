@@ -13,8 +13,10 @@
 /// Pairs are kept this far from certain, as in LIBSVM: Q stays regular.
 const MIN_PROBABILITY: f64 = 1e-7;
 
-const MAX_ROUNDS: usize = 1000;
+/// About ten are enough for any input.
+const MAX_ROUNDS: usize = 100;
 
+/// How far from optimal is good enough, for each class.
 const TOLERANCE: f64 = 1e-8;
 
 /// One probability a class, summing to 1. `pairs` holds r_ij for (0, 1), (0, 2), ... (1, 2), ...
@@ -61,4 +63,73 @@ fn objective(pairs: &[f64], n_classes: usize) -> Vec<Vec<f64>> {
 
 fn inner(left: &[f64], right: &[f64]) -> f64 {
     left.iter().zip(right).map(|(l, r)| l * r).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Solves Qp + b e = 0, e'p = 1 by Gauss-Jordan elimination (eq. 21 of the paper).
+    fn naive(pairs: &[f64], n_classes: usize) -> Vec<f64> {
+        let n = n_classes + 1;
+        let mut system = vec![vec![1.0; n + 1]; n];
+        for (i, row) in objective(pairs, n_classes).iter().enumerate() {
+            system[i][..n_classes].copy_from_slice(row);
+            system[i][n] = 0.0;
+        }
+        system[n_classes][n_classes] = 0.0;
+        for column in 0..n {
+            let pivot =
+                (column..n).max_by(|&i, &j| system[i][column].abs().total_cmp(&system[j][column].abs()));
+            system.swap(column, pivot.unwrap());
+            let pivot_row = system[column].clone();
+            for row in (0..n).filter(|&row| row != column) {
+                let factor = system[row][column] / pivot_row[column];
+                for (value, pivot) in system[row].iter_mut().zip(&pivot_row) {
+                    *value -= factor * pivot;
+                }
+            }
+        }
+        (0..n_classes).map(|i| system[i][n] / system[i][i]).collect()
+    }
+
+    fn pairs() -> impl Strategy<Value = (usize, Vec<f64>)> {
+        (2_usize..9)
+            .prop_flat_map(|n| (Just(n), proptest::collection::vec(0.001_f64..0.999, n * (n - 1) / 2)))
+    }
+
+    proptest! {
+        #[test]
+        fn coupling_solves_the_linear_system((n_classes, pairs) in pairs()) {
+            let p = couple(&pairs, n_classes);
+            for (value, expected) in p.iter().zip(naive(&pairs, n_classes)) {
+                prop_assert!((value - expected).abs() < 1e-5, "{} and {}", value, expected);
+            }
+        }
+
+        #[test]
+        fn coupling_is_near_libsvm((n_classes, pairs) in pairs()) {
+            let mut r = vec![vec![0.0; n_classes]; n_classes];
+            let mut next = pairs.iter();
+            for i in 0..n_classes {
+                for j in i + 1..n_classes {
+                    r[i][j] = *next.next().unwrap();
+                    r[j][i] = 1.0 - r[i][j];
+                }
+            }
+            let mut theirs = vec![0.0; n_classes];
+            libsvm_rs::probability::multiclass_probability(n_classes, &r, &mut theirs);
+            for (value, expected) in couple(&pairs, n_classes).iter().zip(theirs) {
+                prop_assert!((value - expected).abs() < 0.02, "{} and {}", value, expected);
+            }
+        }
+    }
+
+    #[test]
+    fn two_classes_keep_their_probability() {
+        for r in [0.0001, 0.3, 0.5, 0.9] {
+            assert!((couple(&[r], 2)[0] - r).abs() < 1e-6);
+        }
+    }
 }

@@ -205,3 +205,84 @@ impl Cache {
         self.slots[row_idx] = Some(Slot { row, last_used: self.now });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn rows(n_cols: usize) -> impl Strategy<Value = Matrix> {
+        (1_usize..40).prop_flat_map(move |n_rows| {
+            proptest::collection::vec(-2.0_f32..2.0, n_rows * n_cols)
+                .prop_map(move |data| Matrix::from_vec(data, n_cols).unwrap())
+        })
+    }
+
+    fn naive(rows: &Matrix, i: usize, j: usize) -> f64 {
+        rows.row(i).iter().zip(rows.row(j)).map(|(l, r)| f64::from(*l) * f64::from(*r)).sum()
+    }
+
+    proptest! {
+        #[test]
+        fn rows_are_inner_products(rows in rows(11)) {
+            let kernel = Kernel::linear(&rows).unwrap();
+            for i in 0..rows.n_rows() {
+                prop_assert_eq!(kernel.row(i).len(), rows.n_rows());
+                for (j, value) in kernel.row(i).iter().enumerate() {
+                    prop_assert!((f64::from(*value) - naive(&rows, i, j)).abs() < 1e-5);
+                }
+                prop_assert_eq!(kernel.diagonal()[i], kernel.row(i)[i]);
+            }
+        }
+
+        #[test]
+        fn rows_on_demand_equal_those_of_the_whole_matrix(
+            rows in rows(19),
+            asked in proptest::collection::vec(0_usize..40, 1..60),
+        ) {
+            let n = rows.n_rows();
+            let whole = Kernel::linear(&rows).unwrap();
+            for budget in [0, 3 * 4 * n] {
+                let on_demand = Kernel::with_budget(Cow::Borrowed(&rows), budget);
+                for row_idx in asked.iter().map(|row_idx| row_idx % n) {
+                    prop_assert_eq!(&*on_demand.row(row_idx), &*whole.row(row_idx));
+                }
+                if let Storage::OnDemand { cache, .. } = &on_demand.storage {
+                    let cache = cache.lock().unwrap();
+                    prop_assert!(cache.slots.iter().flatten().count() <= 3);
+                }
+            }
+        }
+
+        #[test]
+        fn a_subset_holds_the_chosen_rows_and_columns(
+            rows in rows(5),
+            chosen in proptest::collection::vec(0_usize..40, 1..20),
+        ) {
+            let n = rows.n_rows();
+            let chosen: Vec<usize> = chosen.into_iter().map(|row_idx| row_idx % n).collect();
+            let whole = Kernel::linear(&rows).unwrap();
+            for kernel in [&whole, &Kernel::with_budget(Cow::Borrowed(&rows), 0)] {
+                let subset = kernel.subset(&chosen);
+                for (i, &row_idx) in chosen.iter().enumerate() {
+                    let expected: Vec<f32> = chosen.iter().map(|&col_idx| whole.row(row_idx)[col_idx]).collect();
+                    prop_assert_eq!(&*subset.row(i), &expected[..]);
+                    prop_assert_eq!(subset.diagonal()[i], whole.diagonal()[row_idx]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_least_recently_used_row_makes_room() {
+        let mut cache = Cache::new(4, 2);
+        for row_idx in [0, 1] {
+            cache.insert(row_idx, Arc::from([row_idx as f32]));
+        }
+        assert!(cache.get(0).is_some());
+        cache.insert(2, Arc::from([2.0]));
+        assert_eq!(cache.get(1), None);
+        assert_eq!(cache.get(0).as_deref(), Some(&[0.0][..]));
+        assert_eq!(cache.get(2).as_deref(), Some(&[2.0][..]));
+    }
+}

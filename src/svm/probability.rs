@@ -256,3 +256,149 @@ impl Samples {
         log_odds.zip(targets).map(|(z, target)| log_one_plus_exp(z) - target * z).sum()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// Decision values of two machines that are each other's negative; larger for the first class by
+    /// `distance` on average.
+    fn two_classes(seed: u64, n_rows: usize, distance: f32) -> (Matrix, Vec<usize>) {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let labels: Vec<usize> = (0..n_rows).map(|row_idx| usize::from(row_idx % 3 == 0)).collect();
+        let mut values = Matrix::new(2);
+        for &label in &labels {
+            let value = rng.random::<f32>() * 2.0 - if label == 0 { 0.5 } else { 0.5 + distance };
+            values.push_row(&[value, -value]);
+        }
+        (values, labels)
+    }
+
+    #[test]
+    fn the_sigmoid_is_that_of_libsvm() {
+        for seed in 0..5 {
+            let (values, labels) = two_classes(seed, 150, 0.8);
+            let calibration = Calibration::fit(Scheme::OneVsAll, &values, &labels, 2).unwrap();
+            for machine_idx in 0..2 {
+                let column: Vec<f64> = values.rows().map(|row| f64::from(row[machine_idx])).collect();
+                let targets: Vec<f64> =
+                    labels.iter().map(|&label| if label == machine_idx { 1.0 } else { -1.0 }).collect();
+                let (a, b) = libsvm_rs::probability::sigmoid_train(&column, &targets);
+                assert!((f64::from(calibration.slopes()[machine_idx]) + a).abs() < 1e-3);
+                assert!((f64::from(calibration.offsets()[machine_idx]) + b).abs() < 1e-3);
+            }
+        }
+    }
+
+    #[test]
+    fn held_out_rows_that_contradict_do_not_turn_the_answer_around() {
+        let (values, labels) = two_classes(0, 150, -3.0);
+        for (scheme, n_machines) in [(Scheme::OneVsAll, 2), (Scheme::OneVsOne, 1)] {
+            let mut columns = Matrix::new(n_machines);
+            values.rows().for_each(|row| columns.push_row(&row[..n_machines]));
+            let calibration = Calibration::fit(scheme, &columns, &labels, 2).unwrap();
+            assert!(calibration.slopes().iter().all(|&slope| slope > 0.0));
+            let first = |value: f32| calibration.probabilities(&[value, -value][..n_machines])[0];
+            assert!(first(2.0) > first(0.0) && first(0.0) > first(-2.0));
+            assert!(first(2.0) - first(-2.0) < 0.2, "it is unsure");
+        }
+    }
+
+    #[test]
+    fn a_class_without_held_out_rows_takes_the_mean_sigmoid() {
+        let (two, labels) = two_classes(1, 90, 1.0);
+        let mut values = Matrix::new(3);
+        two.rows().for_each(|row| values.push_row(&[row[0], row[1], -1.0]));
+        let calibration = Calibration::fit(Scheme::OneVsAll, &values, &labels, 3).unwrap();
+        let slopes = calibration.slopes();
+        assert!((slopes[2] - (slopes[0] + slopes[1]) / 2.0).abs() < 1e-6);
+        assert_eq!(most_probable(&calibration.probabilities(&[-1.0, -1.0, 2.0])), 2);
+    }
+
+    #[test]
+    fn without_any_held_out_row_the_largest_decision_value_wins() {
+        let calibration = Calibration::fit(Scheme::OneVsAll, &Matrix::new(3), &[], 3).unwrap();
+        assert_eq!(most_probable(&calibration.probabilities(&[-1.0, -0.5, -2.0])), 1);
+    }
+
+    #[test]
+    fn equal_decision_values_give_the_share_of_rows() {
+        for value in [0.0, -3.0, 1e30] {
+            let values = Matrix::from_vec(vec![value; 40], 1).unwrap();
+            let labels: Vec<usize> = (0..40).map(|row_idx| usize::from(row_idx >= 30)).collect();
+            let calibration = Calibration::fit(Scheme::OneVsOne, &values, &labels, 2).unwrap();
+            let probability = calibration.probabilities(&[value])[0];
+            assert!((probability - 0.75).abs() < 0.03, "{value}: {probability}");
+        }
+    }
+
+    #[test]
+    fn bad_held_out_sets_and_damaged_parts_are_refused() {
+        let (values, labels) = two_classes(2, 30, 1.0);
+        let fit = |values, labels, n_classes| Calibration::fit(Scheme::OneVsAll, values, labels, n_classes);
+        assert!(matches!(fit(&values, &labels, 1), Err(SvmError::TooFewClasses { .. })));
+        assert!(matches!(fit(&values, &labels, 3), Err(SvmError::WrongShape { .. })));
+        assert!(matches!(fit(&values, &labels[1..], 2), Err(SvmError::LabelCount { .. })));
+        let mut broken = values.clone();
+        broken.row_mut(7)[0] = f32::NAN;
+        assert_eq!(fit(&broken, &labels, 2), Err(SvmError::NotFinite { row_idx: 7 }));
+
+        let fitted = fit(&values, &labels, 2).unwrap();
+        let from = |slopes: &[f32], offsets: &[f32]| {
+            Calibration::from_parts(Scheme::OneVsAll, 2, slopes.to_vec(), offsets.to_vec())
+        };
+        assert_eq!(from(fitted.slopes(), fitted.offsets()).unwrap(), fitted);
+        assert!(matches!(from(&[1.0], &[0.0, 0.0]), Err(SvmError::WrongShape { name: "slopes", .. })));
+        assert!(matches!(from(&[1.0, 1.0], &[0.0]), Err(SvmError::WrongShape { name: "offsets", .. })));
+        for bad in [-1.0, 0.0, f32::NAN, f32::INFINITY] {
+            assert!(matches!(from(&[1.0, bad], &[0.0, 0.0]), Err(SvmError::Damaged { machine_idx: 1, .. })));
+        }
+    }
+
+    #[test]
+    fn the_first_of_equal_probabilities_is_the_most_probable() {
+        assert_eq!(most_probable(&[0.2, 0.4, 0.4]), 1);
+        assert_eq!(most_probable(&[0.5, 0.5]), 0);
+    }
+
+    /// Any finite number; small ones, at which sigmoids are not flat, half of the time.
+    fn finite() -> impl Strategy<Value = f32> {
+        prop_oneof![-20.0_f32..20.0, proptest::num::f32::NORMAL]
+    }
+
+    proptest! {
+        #[test]
+        fn probabilities_are_a_distribution(
+            n_classes in 2_usize..8,
+            one_vs_one in any::<bool>(),
+            numbers in proptest::collection::vec((finite(), finite(), finite()), 28),
+        ) {
+            let scheme = if one_vs_one { Scheme::OneVsOne } else { Scheme::OneVsAll };
+            let used = &numbers[..scheme.n_machines(n_classes)];
+            let slopes = used.iter().map(|numbers| numbers.0.abs().max(f32::MIN_POSITIVE)).collect();
+            let offsets = used.iter().map(|numbers| numbers.1).collect();
+            let values: Vec<f32> = used.iter().map(|numbers| numbers.2).collect();
+            let calibration = Calibration::from_parts(scheme, n_classes, slopes, offsets).unwrap();
+            let probabilities = calibration.probabilities(&values);
+            prop_assert_eq!(probabilities.len(), n_classes);
+            prop_assert!(probabilities.iter().all(|p| (0.0..=1.0).contains(p)), "{:?}", probabilities);
+            prop_assert!((probabilities.iter().sum::<f32>() - 1.0).abs() < 1e-5, "{:?}", probabilities);
+        }
+
+        #[test]
+        fn fitting_any_finite_values_gives_finite_sigmoids(
+            rows in proptest::collection::vec((finite(), finite(), finite(), 0_usize..3), 0..30),
+            one_vs_one in any::<bool>(),
+        ) {
+            let scheme = if one_vs_one { Scheme::OneVsOne } else { Scheme::OneVsAll };
+            let mut values = Matrix::new(3);
+            rows.iter().for_each(|row| values.push_row(&[row.0, row.1, row.2]));
+            let labels: Vec<usize> = rows.iter().map(|row| row.3).collect();
+            let calibration = Calibration::fit(scheme, &values, &labels, 3);
+            prop_assert!(calibration.is_ok(), "{:?}", calibration);
+        }
+    }
+}

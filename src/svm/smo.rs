@@ -167,3 +167,52 @@ impl<'k> State<'k> {
 fn positive_or_tiny(curvature: f64) -> f64 {
     if curvature > 0.0 { curvature } else { TINY_CURVATURE }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matrix::Matrix;
+
+    /// Solved by scikit-learn 1.9.1: SVC(kernel="linear", C=C, tol=1e-9).
+    #[test]
+    fn golden_problem_is_solved_as_by_scikit_learn() {
+        let points = [0.0, 0.0, 1.0, 0.5, 0.25, 1.0, 1.5, 1.5, 2.0, 1.0, 1.0, 2.0, 0.75, 0.75, 2.5, 2.0];
+        let rows = Matrix::from_vec(points.to_vec(), 2).unwrap();
+        let positive = [true, true, true, true, false, false, false, false];
+        let golden = [
+            (0.5, -1.0, [0.0, 0.5, 0.5, 0.5, -0.5, -0.5, -0.5, 0.0]),
+            (10.0, -2.428_571, [0.0, 10.0, 1.306_122, 10.0, -7.663_265, -3.642_857, -10.0, 0.0]),
+        ];
+        for (c, rho, multipliers) in golden {
+            let problem = Problem { positive: &positive, c_positive: c, c_negative: c, tolerance: 1e-9 };
+            let solution = solve(&Kernel::linear(&rows).unwrap(), &problem).unwrap();
+            assert!((solution.rho - rho).abs() < 1e-5, "c {c}: {}", solution.rho);
+            for (found, expected) in solution.multipliers.iter().zip(multipliers) {
+                assert!((found - expected).abs() < 1e-5, "c {c}: {found} and {expected}");
+            }
+        }
+    }
+
+    /// With a single row a side the machine is the perpendicular bisector: w = 2 d / |d|^2.
+    #[test]
+    fn two_rows_of_any_scale_are_split_in_the_middle() {
+        for scale in [1e-9_f32, 1.0, 1e9] {
+            let rows = Matrix::from_vec(vec![3.0 * scale, -scale], 1).unwrap();
+            let positive = [true, false];
+            let problem =
+                Problem { positive: &positive, c_positive: 1e30, c_negative: 1e30, tolerance: 1e-6 };
+            let solution = solve(&Kernel::linear(&rows).unwrap(), &problem).unwrap();
+            let expected = 2.0 / f64::from(4.0 * scale).powi(2);
+            assert!((solution.multipliers[0] / expected - 1.0).abs() < 1e-5);
+            assert!((solution.rho - 0.5).abs() < 1e-5, "scale {scale}: {}", solution.rho);
+        }
+    }
+
+    #[test]
+    fn numbers_beyond_floating_point_are_an_error_not_an_endless_loop() {
+        let rows = Matrix::from_vec(vec![1e18, 1e18, -1e18], 1).unwrap();
+        let positive = [true, false, true];
+        let problem = Problem { positive: &positive, c_positive: 1e300, c_negative: 1e300, tolerance: 1e-3 };
+        assert_eq!(solve(&Kernel::linear(&rows).unwrap(), &problem).err(), Some(SvmError::NotConverged));
+    }
+}
