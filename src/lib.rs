@@ -27,6 +27,7 @@ pub mod detect;
 pub mod image;
 
 pub mod vocabulary;
+pub mod svm;
 
 pub mod model;
 
