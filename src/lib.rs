@@ -9,7 +9,7 @@
 //! | 1 | [`matrix`], [`image`], [`simd`], [`camera`] | rows of numbers, pixels, where pixels are valid |
 //! | 2 | [`detect`] | keypoints |
 //! | 3 | [`describe`] | keypoints to descriptors |
-//! | 4 | [`vocabulary`], [`svm`] | descriptors to bags of words, bags to probabilities |
+//! | 4 | [`vocabulary`], [`svm`], [`folds`] | descriptors to bags of words, bags to probabilities |
 //! | 5 | [`model`] | the whole pipeline: train, recognize, the file |
 //! | 6 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
 //! | 7 | [`server`] | the HTTP service |
@@ -23,8 +23,11 @@ pub mod matrix;
 pub mod camera;
 pub mod image;
 
+pub mod folds;
+
 pub mod model;
 
 pub mod dataset;
+pub mod evaluate;
 
 pub mod cli;
