@@ -1,5 +1,7 @@
 //! The real label files of COLD, where they are at hand: they cannot be shipped.
 
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
 use roomsight::dataset::cold::{SequenceName, parse_places};
 use std::collections::BTreeSet;
 use std::fs;

@@ -73,34 +73,19 @@ impl SequenceName {
             _ => return None,
         };
         let (illumination, run) = [
-            ("cloudy", Illumination::Cloudy),
-            ("night", Illumination::Night),
-            ("sunny", Illumination::Sunny),
+            (Illumination::Cloudy, "cloudy"),
+            (Illumination::Night, "night"),
+            (Illumination::Sunny, "sunny"),
         ]
         .into_iter()
-        .find_map(|(prefix, light_kind)| Some((light_kind, light.strip_prefix(prefix)?)))?;
+        .find_map(|(illumination, prefix)| Some((illumination, light.strip_prefix(prefix)?)))?;
         Some(Self { lab: lab.to_owned(), part, path, illumination, run: run.parse().ok()? })
     }
 }
 
 /// The folders of all sequences at or below `path`, sorted.
 pub(super) fn find_sequences(path: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    /// From the root down: lab, part, sequence.
-    const MAX_DEPTH: usize = 3;
-    let mut level = vec![path.to_owned()];
-    let mut sequences = Vec::new();
-    for depth in 0..=MAX_DEPTH {
-        let (found, others): (Vec<_>, Vec<_>) = level.into_iter().partition(|folder| is_sequence(folder));
-        sequences.extend(found);
-        level = Vec::new();
-        if depth < MAX_DEPTH {
-            for folder in others.iter().filter(|folder| folder.is_dir()) {
-                level.extend(list(folder)?.folders);
-            }
-        }
-    }
-    sequences.sort();
-    Ok(sequences)
+    find_below(path, MAX_DEPTH)
 }
 
 /// Reads these sequences, found below `root`.
@@ -109,15 +94,30 @@ pub(super) fn read(root: &Path, sequences: &[PathBuf]) -> Result<Dataset, Datase
     let root = fs::canonicalize(root).map_err(|error| DatasetError::io(root, error))?;
     for folder in sequences {
         let location = fs::canonicalize(folder).map_err(|error| DatasetError::io(folder, error))?;
-        add_sequence(&mut dataset, folder, &sequence_name(&root, &location))?;
+        add_sequence(&mut dataset, folder, sequence_name(&root, &location))?;
     }
     Ok(dataset)
 }
 
+/// From the root down: lab, part, sequence.
+const MAX_DEPTH: usize = 3;
 const CAMERA_FOLDERS: [(&str, CameraKind); 2] =
     [("std_cam", CameraKind::Perspective), ("omni_cam", CameraKind::Omnidirectional)];
 const LABEL_FILE: &str = "localization/places.lst";
 const LABS: [&str; 3] = ["freiburg", "saarbruecken", "ljubljana"];
+
+fn find_below(folder: &Path, n_levels: usize) -> Result<Vec<PathBuf>, DatasetError> {
+    if is_sequence(folder) {
+        return Ok(vec![folder.to_owned()]);
+    }
+    let mut sequences = Vec::new();
+    if n_levels > 0 && folder.is_dir() {
+        for below in list(folder)?.folders {
+            sequences.extend(find_below(&below, n_levels - 1)?);
+        }
+    }
+    Ok(sequences)
+}
 
 fn is_sequence(folder: &Path) -> bool {
     folder.join(LABEL_FILE).exists() || CAMERA_FOLDERS.iter().any(|(name, _)| folder.join(name).is_dir())
@@ -146,28 +146,34 @@ fn sequence_name(root: &Path, folder: &Path) -> String {
     names.join("/")
 }
 
-fn add_sequence(dataset: &mut Dataset, folder: &Path, sequence: &str) -> Result<(), DatasetError> {
+/// One sequence: its name, and its labels by file name.
+struct Sequence<'a> {
+    name: String,
+    lines: HashMap<&'a str, &'a LabelLine>,
+}
+
+fn add_sequence(dataset: &mut Dataset, folder: &Path, name: String) -> Result<(), DatasetError> {
     let label_file = folder.join(LABEL_FILE);
-    let cameras: Vec<(PathBuf, CameraKind)> = CAMERA_FOLDERS
-        .iter()
-        .map(|&(name, camera)| (folder.join(name), camera))
-        .filter(|(frames, _)| frames.is_dir())
-        .collect();
-    let lines = if label_file.exists() {
-        let (lines, problems) = parse_places(&files::read_labels(&label_file)?, &label_file);
+    let mut lines = Vec::new();
+    if label_file.exists() {
+        let problems;
+        (lines, problems) = parse_places(&files::read_labels(&label_file)?, &label_file);
         dataset.problems.extend(problems);
-        lines
     } else {
         dataset.report(&label_file, "no such file: the frames of this sequence have no place");
-        Vec::new()
-    };
-    report_unknown(dataset, &label_file, &lines);
-    if cameras.is_empty() {
-        dataset.report(folder, format!("labels: {}, but neither std_cam nor omni_cam", lines.len()));
     }
-    for (frames, camera) in &cameras {
-        let lines_by_file = lines.iter().map(|line| (line.file.as_str(), line)).collect();
-        add_frames(dataset, (frames, *camera), sequence, lines_by_file)?;
+    report_unknown(dataset, &label_file, &lines);
+    let sequence = Sequence { name, lines: lines.iter().map(|line| (line.file.as_str(), line)).collect() };
+    let mut has_camera = false;
+    for (camera_folder, camera) in CAMERA_FOLDERS {
+        let camera_folder = folder.join(camera_folder);
+        if camera_folder.is_dir() {
+            has_camera = true;
+            add_frames(dataset, &sequence, &camera_folder, camera)?;
+        }
+    }
+    if !has_camera {
+        dataset.report(folder, format!("labels: {}, but neither std_cam nor omni_cam", lines.len()));
     }
     Ok(())
 }
@@ -186,23 +192,25 @@ fn report_unknown(dataset: &mut Dataset, label_file: &Path, lines: &[LabelLine])
 /// Adds what has both a file and a label; whatever lacks one of them is a problem.
 fn add_frames(
     dataset: &mut Dataset,
-    (folder, camera): (&Path, CameraKind),
-    sequence: &str,
-    mut lines: HashMap<&str, &LabelLine>,
+    sequence: &Sequence,
+    folder: &Path,
+    camera: CameraKind,
 ) -> Result<(), DatasetError> {
+    let mut lines = sequence.lines.clone();
     for path in list(folder)?.images() {
-        match lines.remove(files::name(path).as_str()) {
-            None => dataset.report(path, "no label in places.lst"),
-            Some(line) => dataset.frames.push(Frame {
-                path: path.clone(),
-                place: line.place.clone(),
-                sequence: sequence.to_owned(),
-                camera,
-                split: String::new(),
-                time: Some(line.time),
-                pose: Some(line.pose),
-            }),
-        }
+        let Some(line) = lines.remove(files::name(path).as_str()) else {
+            dataset.report(path, "no label in places.lst");
+            continue;
+        };
+        dataset.frames.push(Frame {
+            path: path.clone(),
+            place: line.place.clone(),
+            sequence: sequence.name.clone(),
+            camera,
+            split: String::new(),
+            time: Some(line.time),
+            pose: Some(line.pose),
+        });
     }
     let mut missing: Vec<&str> = lines.into_keys().collect();
     missing.sort_unstable();

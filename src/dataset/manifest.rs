@@ -3,7 +3,7 @@
 //! `file` is relative to the manifest. Only `file` and `place` must be there; other columns are
 //! ignored. A row with an empty place is counted as unlabeled. The camera defaults to perspective.
 
-use super::{CAMERAS, Dataset, DatasetError, Format, Frame, camera_name, files};
+use super::{CAMERAS, Dataset, DatasetError, Format, Frame, Problem, camera_name, files};
 use crate::camera::CameraKind;
 use serde::Deserialize;
 use std::collections::HashSet;
@@ -18,11 +18,12 @@ pub fn read(path: &Path) -> Result<Dataset, DatasetError> {
         return Err(DatasetError::UnknownLayout(path.to_owned()));
     }
     let mut dataset = parse(&files::read_labels(path)?, path)?;
-    let (frames, missing) = dataset.frames.into_iter().partition(|frame| frame.path.is_file());
+    let (frames, missing): (Vec<Frame>, Vec<Frame>) =
+        dataset.frames.into_iter().partition(|frame| frame.path.is_file());
     dataset.frames = frames;
-    dataset.problems.extend(missing.into_iter().map(|frame: Frame| {
-        super::Problem::new(&frame.path, "listed in the manifest, but there is no such file")
-    }));
+    let problem =
+        |frame: Frame| Problem::new(&frame.path, "listed in the manifest, but there is no such file");
+    dataset.problems.extend(missing.into_iter().map(problem));
     Ok(dataset)
 }
 
