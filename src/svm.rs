@@ -42,8 +42,7 @@ impl Scheme {
     fn machines(self, n_classes: usize) -> Vec<Machine> {
         match self {
             Self::OneVsAll => (0..n_classes).map(|positive| Machine { positive, negative: None }).collect(),
-            Self::OneVsOne => (0..n_classes)
-                .flat_map(|positive| (positive + 1..n_classes).map(move |negative| (positive, negative)))
+            Self::OneVsOne => coupling::class_pairs(n_classes)
                 .map(|(positive, negative)| Machine { positive, negative: Some(negative) })
                 .collect(),
         }

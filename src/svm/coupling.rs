@@ -19,7 +19,12 @@ const MAX_ROUNDS: usize = 100;
 /// How far from optimal is good enough, for each class.
 const TOLERANCE: f64 = 1e-8;
 
-/// One probability a class, summing to 1. `pairs` holds r_ij for (0, 1), (0, 2), ... (1, 2), ...
+/// All pairs of classes, in the order (0, 1), (0, 2), ... (1, 2), ...
+pub(super) fn class_pairs(n_classes: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..n_classes).flat_map(move |i| (i + 1..n_classes).map(move |j| (i, j)))
+}
+
+/// One probability a class, summing to 1. `pairs` holds r_ij in the order of [`class_pairs`].
 pub(super) fn couple(pairs: &[f64], n_classes: usize) -> Vec<f64> {
     let q = objective(pairs, n_classes);
     let mut p = vec![1.0 / n_classes as f64; n_classes];
@@ -47,16 +52,13 @@ pub(super) fn couple(pairs: &[f64], n_classes: usize) -> Vec<f64> {
 /// The matrix Q.
 fn objective(pairs: &[f64], n_classes: usize) -> Vec<Vec<f64>> {
     let mut q = vec![vec![0.0; n_classes]; n_classes];
-    let mut pairs = pairs.iter().map(|r| r.clamp(MIN_PROBABILITY, 1.0 - MIN_PROBABILITY));
-    for i in 0..n_classes {
-        for j in i + 1..n_classes {
-            let r_ij = pairs.next().unwrap_or(0.5);
-            let r_ji = 1.0 - r_ij;
-            q[i][i] += r_ji * r_ji;
-            q[j][j] += r_ij * r_ij;
-            q[i][j] = -r_ji * r_ij;
-            q[j][i] = q[i][j];
-        }
+    for ((i, j), r) in class_pairs(n_classes).zip(pairs) {
+        let r_ij = r.clamp(MIN_PROBABILITY, 1.0 - MIN_PROBABILITY);
+        let r_ji = 1.0 - r_ij;
+        q[i][i] += r_ji * r_ji;
+        q[j][j] += r_ij * r_ij;
+        q[i][j] = -r_ji * r_ij;
+        q[j][i] = q[i][j];
     }
     q
 }
@@ -111,12 +113,9 @@ mod tests {
         #[test]
         fn coupling_is_near_libsvm((n_classes, pairs) in pairs()) {
             let mut r = vec![vec![0.0; n_classes]; n_classes];
-            let mut next = pairs.iter();
-            for i in 0..n_classes {
-                for j in i + 1..n_classes {
-                    r[i][j] = *next.next().unwrap();
-                    r[j][i] = 1.0 - r[i][j];
-                }
+            for ((i, j), &r_ij) in class_pairs(n_classes).zip(&pairs) {
+                r[i][j] = r_ij;
+                r[j][i] = 1.0 - r_ij;
             }
             let mut theirs = vec![0.0; n_classes];
             libsvm_rs::probability::multiclass_probability(n_classes, &r, &mut theirs);

@@ -359,6 +359,12 @@ mod tests {
     }
 
     #[test]
+    fn a_row_that_every_machine_rejects_goes_to_the_one_that_rejects_it_least() {
+        let calibration = Calibration::from_parts(Scheme::OneVsAll, 3, vec![1.0; 3], vec![0.0; 3]).unwrap();
+        assert_eq!(calibration.probabilities(&[-2e30, -1e30, -3e30]), [0.0, 1.0, 0.0]);
+    }
+
+    #[test]
     fn the_first_of_equal_probabilities_is_the_most_probable() {
         assert_eq!(most_probable(&[0.2, 0.4, 0.4]), 1);
         assert_eq!(most_probable(&[0.5, 0.5]), 0);
