@@ -6,26 +6,37 @@
 //!
 //! | group | modules | what |
 //! |---|---|---|
-//! | 1 | [`matrix`], [`image`], [`simd`], [`camera`] | rows of numbers, pixels, where pixels are valid |
-//! | 2 | [`detect`] | keypoints |
-//! | 3 | [`describe`] | keypoints to descriptors |
-//! | 4 | [`vocabulary`], [`svm`] | descriptors to bags of words, bags to probabilities |
-//! | 5 | [`model`] | the whole pipeline: train, recognize, the file |
-//! | 6 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 7 | [`server`] | the HTTP service |
-//! | 8 | [`cli`] | the commands |
+//! | 1 | [`matrix`], [`image`], [`simd`] | rows of numbers, pixels, fast loops over them |
+//! | 2 | [`camera`] | where pixels are valid |
+//! | 3 | [`detect`] | keypoints |
+//! | 4 | [`describe`] | keypoints to descriptors |
+//! | 5 | [`vocabulary`], [`svm`], [`folds`] | descriptors to bags of words, bags to probabilities |
+//! | 6 | [`model`] | the whole pipeline: train, recognize, the file |
+//! | 7 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
+//! | 8 | [`server`] | the HTTP service |
+//! | 9 | [`cli`] | the commands |
 //!
-//! Groups 1 to 5 are the recognition core. They know no async, no HTTP, no clock and no hidden
+//! Groups 1 to 6 are the recognition core. They know no async, no HTTP, no clock and no hidden
 //! randomness: seeds are arguments.
 
+pub mod image;
 pub mod matrix;
 pub mod simd;
 
 pub mod camera;
+
 pub mod detect;
-pub mod image;
+
+pub mod describe;
+
+pub mod folds;
+pub mod svm;
+pub mod vocabulary;
 
 pub mod model;
+
+pub mod dataset;
+pub mod evaluate;
 
 pub mod server;
 

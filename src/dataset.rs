@@ -1,0 +1,202 @@
+//! Labeled frames from disk: one reader a format behind [`open`].
+//!
+//! | format | what lies there |
+//! |---|---|
+//! | [`Format::Folder`] | a folder a room: `kitchen/*.jpg`, or `kitchen/SEQUENCE/*.jpg` |
+//! | [`Format::Manifest`] | `frames.csv` with the columns `file,place,sequence,camera,split` |
+//! | [`Format::Cold`] | COLD sequences: `seq3_cloudy1/{std_cam,omni_cam,localization/places.lst}` |
+//!
+//! What cannot be used is never skipped in silence: it is a [`Problem`] beside the frames, or, where
+//! nothing sensible can be made of the whole, a [`DatasetError`].
+
+pub mod cold;
+mod error;
+mod files;
+mod folder;
+mod glob;
+mod manifest;
+#[cfg(test)]
+mod tests;
+
+pub use error::{DatasetError, Problem};
+
+use crate::camera::CameraKind;
+use crate::image::{Image, Limits};
+use std::cmp::Ordering;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Where the robot stood, in the coordinates of its sequence.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Meters.
+    pub x: f64,
+    /// Meters.
+    pub y: f64,
+    /// Heading in radians, counterclockwise from the x axis.
+    pub angle: f64,
+}
+
+/// One labeled frame on disk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// The image file.
+    pub path: PathBuf,
+    /// The room that it shows, never empty.
+    pub place: String,
+    /// The drive that it comes from; empty when unknown.
+    pub sequence: String,
+    /// The kind of camera that took it.
+    pub camera: CameraKind,
+    /// The author's split, such as `train`; empty when there is none.
+    pub split: String,
+    /// When it was taken, in seconds.
+    pub time: Option<f64>,
+    /// Where it was taken.
+    pub pose: Option<Pose>,
+}
+
+impl Frame {
+    /// Reads and decodes the image; its size is checked before a byte of it is read.
+    pub fn read(&self, limits: &Limits) -> Result<Image, Problem> {
+        let bytes = files::read_bounded(&self.path, limits.max_bytes as u64)
+            .map_err(|error| Problem::new(&self.path, error.to_string()))?;
+        Image::decode(&bytes, limits).map_err(|error| Problem::new(&self.path, error.to_string()))
+    }
+}
+
+/// How a data set lies on disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// A folder a room; says nothing of cameras and splits.
+    Folder,
+    /// A `frames.csv` manifest.
+    Manifest,
+    /// Sequences of the COLD database, or of the simulated lab.
+    Cold,
+}
+
+/// Labeled frames, and what was wrong with the rest.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    /// What was opened.
+    pub root: PathBuf,
+    /// How it lies on disk.
+    pub format: Format,
+    /// By sequence, then time, then name; numbers in names count by value.
+    pub frames: Vec<Frame>,
+    /// Everything that was left out or looked wrong, in the order it was met.
+    pub problems: Vec<Problem>,
+    /// How many frames were listed with an empty place.
+    pub n_unlabeled: usize,
+}
+
+/// Opens a data set, telling its format by what lies at `path`. No image is decoded.
+pub fn open(path: &Path) -> Result<Dataset, DatasetError> {
+    let metadata = fs::metadata(path).map_err(|error| DatasetError::io(path, error))?;
+    let csv = if metadata.is_file() { path.to_owned() } else { path.join(manifest::FILE_NAME) };
+    let mut dataset = if csv.is_file() {
+        manifest::read(&csv)?
+    } else {
+        let sequences = cold::find_sequences(path)?;
+        if sequences.is_empty() { folder::read(path)? } else { cold::read(path, &sequences)? }
+    };
+    dataset.frames.sort_by(in_order);
+    Ok(dataset)
+}
+
+impl Dataset {
+    fn new(root: &Path, format: Format) -> Self {
+        Self { root: root.to_owned(), format, frames: Vec::new(), problems: Vec::new(), n_unlabeled: 0 }
+    }
+
+    fn report(&mut self, path: &Path, reason: impl Into<String>) {
+        self.problems.push(Problem::new(path, reason));
+    }
+
+    /// The rooms, sorted, each once.
+    pub fn places(&self) -> Vec<String> {
+        let places: BTreeSet<&str> = self.frames.iter().map(|frame| frame.place.as_str()).collect();
+        places.into_iter().map(str::to_owned).collect()
+    }
+
+    /// Keeps the frames of one camera. Folders do not name the camera, so there it is set to `camera`.
+    pub fn with_camera(mut self, camera: CameraKind) -> Result<Self, DatasetError> {
+        if self.format == Format::Folder {
+            self.frames.iter_mut().for_each(|frame| frame.camera = camera);
+            return Ok(self);
+        }
+        let wanted = camera_name(camera);
+        self.keep("camera", wanted, |frame| camera_name(frame.camera), |name| name == wanted)
+    }
+
+    /// Keeps the sequences that match one of `patterns`: whole names, separated by commas, with `*`
+    /// for any characters and `?` for one, such as `*cloudy1,*night?`.
+    pub fn with_sequences(self, patterns: &str) -> Result<Self, DatasetError> {
+        let matches = |name: &str| patterns.split(',').any(|pattern| glob::matches(pattern.trim(), name));
+        self.keep("sequence", patterns, |frame| &frame.sequence, matches)
+    }
+
+    /// Keeps the frames of one split, such as `train`.
+    pub fn with_split(self, split: &str) -> Result<Self, DatasetError> {
+        self.keep("split", split, |frame| &frame.split, |name| name == split)
+    }
+
+    /// Refuses what no model can be trained on: no frame, one room only, cameras mixed.
+    pub fn check(&self) -> Result<(), DatasetError> {
+        if self.frames.is_empty() {
+            return Err(DatasetError::NoFrames { root: self.root.clone(), hint: self.why_empty() });
+        }
+        if let [place] = self.places().as_slice() {
+            return Err(DatasetError::OnePlace { place: place.clone() });
+        }
+        let cameras: BTreeSet<&str> = self.frames.iter().map(|frame| camera_name(frame.camera)).collect();
+        if cameras.len() > 1 {
+            return Err(DatasetError::MixedCameras { cameras: error::enumerate(&cameras) });
+        }
+        Ok(())
+    }
+
+    fn keep(
+        mut self,
+        what: &'static str,
+        wanted: &str,
+        name: impl Fn(&Frame) -> &str,
+        matches: impl Fn(&str) -> bool,
+    ) -> Result<Self, DatasetError> {
+        if !self.frames.iter().any(|frame| matches(name(frame))) {
+            let present: BTreeSet<&str> =
+                self.frames.iter().map(name).filter(|name| !name.is_empty()).collect();
+            let present = error::enumerate(&present);
+            return Err(DatasetError::NoMatch { what, wanted: wanted.to_owned(), present });
+        }
+        self.frames.retain(|frame| matches(name(frame)));
+        Ok(self)
+    }
+
+    fn why_empty(&self) -> String {
+        match self.problems.first() {
+            Some(first) => format!("problems: {}, the first: {first}", self.problems.len()),
+            None => format!("frames without a place: {}", self.n_unlabeled),
+        }
+    }
+}
+
+/// The names of the cameras, as in a manifest.
+const CAMERAS: [CameraKind; 3] =
+    [CameraKind::Perspective, CameraKind::Equirectangular, CameraKind::Omnidirectional];
+
+fn camera_name(camera: CameraKind) -> &'static str {
+    match camera {
+        CameraKind::Perspective => "perspective",
+        CameraKind::Equirectangular => "equirectangular",
+        CameraKind::Omnidirectional => "omnidirectional",
+    }
+}
+
+fn in_order(left: &Frame, right: &Frame) -> Ordering {
+    files::natural_order(&left.sequence, &right.sequence)
+        .then_with(|| left.time.partial_cmp(&right.time).unwrap_or(Ordering::Equal))
+        .then_with(|| files::natural_order(&left.path.to_string_lossy(), &right.path.to_string_lossy()))
+}

@@ -1,0 +1,119 @@
+//! Neighbors on a circle round every pixel of a window, interpolated.
+
+use super::region::Window;
+use crate::simd;
+
+/// One in the fixed-point gray values of [`NeighborCircle`].
+const ONE: u16 = 256;
+
+/// Evenly spread neighbors on a circle.
+pub(super) struct NeighborCircle {
+    neighbors: Vec<Neighbor>,
+    /// How many pixels beyond the region the circle reads.
+    margin: usize,
+}
+
+/// Where a neighbor lies, and how the four pixels round that place are weighted (they sum to [`ONE`]).
+struct Neighbor {
+    column: isize,
+    row: isize,
+    weights: [u16; 4],
+}
+
+impl NeighborCircle {
+    /// The first neighbor lies to the right, the others follow counterclockwise.
+    pub(super) fn new(n_neighbors: usize, radius: f32) -> Self {
+        let neighbor = |idx: usize| {
+            let angle = std::f64::consts::TAU * idx as f64 / n_neighbors as f64;
+            Neighbor::at(f64::from(radius) * angle.cos(), -f64::from(radius) * angle.sin())
+        };
+        Self {
+            neighbors: (0..n_neighbors).map(neighbor).collect(),
+            margin: margin(radius),
+        }
+    }
+
+    /// The gray values of one neighbor of every pixel, in 1/256, into `plane`: rows of the window's side
+    /// one after the other, the region's pixels at the start of each.
+    pub(super) fn neighbor_plane(&self, neighbor_idx: usize, window: &Window, plane: &mut [u16]) {
+        self.plane(&self.neighbors[neighbor_idx], window, plane);
+    }
+
+    /// The pixels themselves, as [`NeighborCircle::neighbor_plane`] gives their neighbors.
+    pub(super) fn center_plane(&self, window: &Window, plane: &mut [u16]) {
+        self.plane(&Neighbor { column: 0, row: 0, weights: [ONE, 0, 0, 0] }, window, plane);
+    }
+
+    fn plane(&self, neighbor: &Neighbor, window: &Window, plane: &mut [u16]) {
+        let side = window.side();
+        let row = self.margin.wrapping_add_signed(neighbor.row);
+        let start = row * side + self.margin.wrapping_add_signed(neighbor.column);
+        // All rows at once: what is computed between two rows of the region is not used.
+        let above = &window.pixels()[start..][..=plane.len()];
+        let below = &window.pixels()[start + side..][..=plane.len()];
+        simd::interpolate_row(above, below, neighbor.weights, plane);
+    }
+}
+
+/// How many pixels beyond the region a circle of this radius reads, interpolation included.
+pub(super) fn margin(radius: f32) -> usize {
+    radius.ceil() as usize + 1
+}
+
+/// The length of a plane for a window: from the first pixel of the region to its last.
+pub(super) fn plane_length(window: &Window, region_side: usize) -> usize {
+    (region_side - 1) * window.side() + region_side
+}
+
+impl Neighbor {
+    fn at(dx: f64, dy: f64) -> Self {
+        // Round off what trigonometry leaves of whole numbers.
+        let to_grid = |value: f64| (value * 4096.0).round() / 4096.0;
+        let (dx, dy) = (to_grid(dx), to_grid(dy));
+        let (column, row) = (dx.floor(), dy.floor());
+        let (right, bottom) = (dx - column, dy - row);
+        let weight = |share: f64| (share * f64::from(ONE)).round() as u16;
+        let top_right = weight(right * (1.0 - bottom));
+        let bottom_left = weight((1.0 - right) * bottom);
+        let bottom_right = weight(right * bottom);
+        let top_left = ONE - top_right - bottom_left - bottom_right;
+        Self {
+            column: column as isize,
+            row: row as isize,
+            weights: [top_left, top_right, bottom_left, bottom_right],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Projection};
+    use crate::describe::{Region, Weighting};
+    use crate::detect::Keypoint;
+    use crate::image::Image;
+
+    #[test]
+    fn neighbors_of_a_plane_surface_are_where_the_circle_says() {
+        let image = Image::from_pixels(80, 60, (0..80 * 60).map(|i| (i % 80 + 2 * (i / 80)) as u8).collect());
+        let image = image.unwrap();
+        let view = Camera::new(Projection::Perspective).view(80, 60);
+        let region = Region { side: 7, weighting: Weighting::Uniform };
+        for (n_neighbors, radius) in [(6, 2.0f32), (8, 1.0), (8, 2.5)] {
+            let circle = NeighborCircle::new(n_neighbors, radius);
+            let mut window = Window::new(&region, margin(radius));
+            window.take(&image, &Keypoint { x: 40.0, y: 30.0, response: 0.0 }, &view);
+            let mut plane = vec![0; plane_length(&window, region.side)];
+            for neighbor_idx in 0..n_neighbors {
+                circle.neighbor_plane(neighbor_idx, &window, &mut plane);
+                let angle = std::f32::consts::TAU * neighbor_idx as f32 / n_neighbors as f32;
+                for (x, y) in [(0, 0), (6, 0), (3, 5), (6, 6)] {
+                    let expected = (37 + x) as f32 + radius * angle.cos()
+                        + 2.0 * ((27 + y) as f32 - radius * angle.sin());
+                    let value = f32::from(plane[y * window.side() + x]) / 256.0;
+                    assert!((value - expected).abs() < 0.05, "{value} {expected}");
+                }
+            }
+        }
+    }
+}

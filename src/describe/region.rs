@@ -1,0 +1,283 @@
+//! The square round a keypoint that is described, and its pixels.
+
+use crate::camera::View;
+use crate::detect::Keypoint;
+use crate::image::Image;
+use serde::{Deserialize, Serialize};
+
+/// The longest side that a region may have, in pixels.
+const MAX_SIDE: usize = 256;
+
+/// The square round a keypoint that is described. Its size is not published; 40 was the best of 24 to 48 on
+/// held-out frames (docs/RESULTS.md).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Region {
+    /// Its side in pixels.
+    pub side: usize,
+    /// How much its pixels count.
+    pub weighting: Weighting,
+}
+
+impl Default for Region {
+    fn default() -> Self {
+        Self { side: 40, weighting: Weighting::Uniform }
+    }
+}
+
+/// How much the pixels of a region count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Weighting {
+    /// All the same.
+    Uniform,
+    /// By a Gaussian round the keypoint whose sigma is half the side.
+    Gaussian,
+}
+
+impl Region {
+    /// What is wrong with the parameters, if anything.
+    pub(super) fn check(&self, n_cells: usize) -> Result<(), String> {
+        if self.side < n_cells || self.side > MAX_SIDE {
+            return Err(format!(
+                "a region's side must be from {n_cells} to {MAX_SIDE} pixels, not {}",
+                self.side
+            ));
+        }
+        Ok(())
+    }
+
+    /// Whole numbers, one a pixel, row after row.
+    pub(super) fn weights(&self) -> Vec<u32> {
+        let center = (self.side as f64 - 1.0) / 2.0;
+        let sigma = self.side as f64 / 2.0;
+        let weight = |pixel_idx: usize| {
+            let (dx, dy) =
+                ((pixel_idx % self.side) as f64 - center, (pixel_idx / self.side) as f64 - center);
+            match self.weighting {
+                Weighting::Uniform => 1,
+                Weighting::Gaussian => {
+                    (256.0 * (-(dx * dx + dy * dy) / (2.0 * sigma * sigma)).exp()).round() as u32
+                }
+            }
+        };
+        (0..self.side * self.side).map(weight).collect()
+    }
+}
+
+/// The pixels of a region and of a margin round it, taken from an image; the memory is used again and again.
+pub(super) struct Window {
+    region_side: usize,
+    margin: usize,
+    pixels: Vec<u8>,
+    /// One a pixel of the region without its margin; empty when all are valid.
+    valid: Vec<bool>,
+}
+
+impl Window {
+    pub(super) fn new(region: &Region, margin: usize) -> Self {
+        let side = region.side + 2 * margin;
+        Self { region_side: region.side, margin, pixels: vec![0; side * side], valid: Vec::new() }
+    }
+
+    /// The side with both margins.
+    pub(super) fn side(&self) -> usize {
+        self.region_side + 2 * self.margin
+    }
+
+    /// Row after row of [`Window::side`] pixels.
+    pub(super) fn pixels(&self) -> &[u8] {
+        &self.pixels
+    }
+
+    /// Whether each pixel of the region lies, with its margin, in the valid region; `None` when all do.
+    pub(super) fn validity(&self) -> Option<&[bool]> {
+        (!self.valid.is_empty()).then_some(&self.valid)
+    }
+
+    /// Takes the pixels round `keypoint`, the vertical axis along the radial direction if there is one.
+    pub(super) fn take(&mut self, image: &Image, keypoint: &Keypoint, view: &View) {
+        let reach = (self.region_side / 2 + self.margin) as f32;
+        match view.radial_direction(keypoint.x, keypoint.y) {
+            None => {
+                let all_valid = view.contains(keypoint.x, keypoint.y, reach);
+                self.take_upright(image, keypoint, view, all_valid);
+                self.mark_valid(keypoint, (0.0, 1.0), view, all_valid);
+            }
+            Some(direction) => {
+                // Half the diagonal, and the neighbors that interpolation reads.
+                let all_valid =
+                    view.contains(keypoint.x, keypoint.y, reach * std::f32::consts::SQRT_2 + 1.0);
+                self.take_turned(image, keypoint, direction, all_valid);
+                self.mark_valid(keypoint, direction, view, all_valid);
+            }
+        }
+    }
+
+    fn take_upright(&mut self, image: &Image, keypoint: &Keypoint, view: &View, all_valid: bool) {
+        let side = self.side();
+        let reach = (self.region_side / 2 + self.margin) as isize;
+        let (left, top) = (keypoint.x.round() as isize - reach, keypoint.y.round() as isize - reach);
+        let (width, height) = (image.width() as isize, image.height() as isize);
+        for (row_idx, target) in self.pixels.chunks_exact_mut(side).enumerate() {
+            let row = image.row((top + row_idx as isize).clamp(0, height - 1) as usize);
+            if all_valid && left >= 0 && left + side as isize <= width {
+                target.copy_from_slice(&row[left as usize..][..side]);
+                continue;
+            }
+            for (x, pixel) in (left..).zip(target) {
+                let x = if view.wraps() { x.rem_euclid(width) } else { x.clamp(0, width - 1) };
+                *pixel = row[x as usize];
+            }
+        }
+    }
+
+    /// Bilinear interpolation in fixed point: positions in 1/65536, fractions in 1/256 of a pixel.
+    fn take_turned(&mut self, image: &Image, keypoint: &Keypoint, direction: (f32, f32), all_valid: bool) {
+        let side = self.side();
+        let fixed = |value: f32| (value * 65_536.0) as i32;
+        let (down_x, down_y) = direction;
+        let (right_x, right_y) = (down_y, -down_x);
+        let reach = (self.region_side / 2 + self.margin) as f32;
+        let start_x = fixed(keypoint.x - reach * (right_x + down_x));
+        let start_y = fixed(keypoint.y - reach * (right_y + down_y));
+        let (right_x, right_y) = (fixed(right_x), fixed(right_y));
+        let (down_x, down_y) = (fixed(down_x), fixed(down_y));
+        let (width, height, pixels) = (image.width(), image.height(), image.pixels());
+        let clamped = |column: i32, row: i32| {
+            image.row(row.clamp(0, height as i32 - 1) as usize)[column.clamp(0, width as i32 - 1) as usize]
+        };
+        for (row_idx, target) in (0..).zip(self.pixels.chunks_exact_mut(side)) {
+            let (mut x, mut y) = (start_x + row_idx * down_x, start_y + row_idx * down_y);
+            for pixel in target {
+                let (column, row) = (x >> 16, y >> 16);
+                let quad = if all_valid {
+                    let top_left = row as usize * width + column as usize;
+                    let (top, bottom) = (&pixels[top_left..][..2], &pixels[top_left + width..][..2]);
+                    [top[0], top[1], bottom[0], bottom[1]]
+                } else {
+                    [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| clamped(column + dx, row + dy))
+                };
+                *pixel = bilinear(quad, x, y);
+                x += right_x;
+                y += right_y;
+            }
+        }
+    }
+
+    fn mark_valid(&mut self, keypoint: &Keypoint, down: (f32, f32), view: &View, all_valid: bool) {
+        self.valid.clear();
+        if all_valid {
+            return;
+        }
+        let half = (self.region_side / 2) as f32;
+        let right = (down.1, -down.0);
+        let margin = self.margin as f32;
+        for pixel_idx in 0..self.region_side * self.region_side {
+            let along = (pixel_idx % self.region_side) as f32 - half;
+            let across = (pixel_idx / self.region_side) as f32 - half;
+            let x = keypoint.x + along * right.0 + across * down.0;
+            let y = keypoint.y + along * right.1 + across * down.1;
+            self.valid.push(view.contains(x, y, margin));
+        }
+    }
+}
+
+/// The value at the fractions of (x, y) between the top left, top right, bottom left and bottom right pixel.
+#[inline]
+fn bilinear(quad: [u8; 4], x: i32, y: i32) -> u8 {
+    let (right, bottom) = ((x >> 8) as u32 & 255, (y >> 8) as u32 & 255);
+    let [top_left, top_right, bottom_left, bottom_right] = quad.map(u32::from);
+    let top = top_left * (256 - right) + top_right * right;
+    let bottom_row = bottom_left * (256 - right) + bottom_right * right;
+    ((top * (256 - bottom) + bottom_row * bottom + 32_768) >> 16) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Mirror, Projection};
+
+    fn gradient(width: usize, height: usize) -> Image {
+        let pixel = |idx: usize| (2 * (idx % width) + idx / width) as u8;
+        Image::from_pixels(width, height, (0..width * height).map(pixel).collect()).unwrap()
+    }
+
+    fn keypoint(x: f32, y: f32) -> Keypoint {
+        Keypoint { x, y, response: 1.0 }
+    }
+
+    #[test]
+    fn upright_windows_are_copies() {
+        let image = gradient(60, 40);
+        let view = Camera::new(Projection::Perspective).view(60, 40);
+        let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 3);
+        window.take(&image, &keypoint(30.0, 20.0), &view);
+        assert_eq!(window.validity(), None);
+        for (idx, &pixel) in window.pixels().iter().enumerate() {
+            assert_eq!(pixel, image.row(20 - 7 + idx / 14)[30 - 7 + idx % 14]);
+        }
+    }
+
+    #[test]
+    fn pixels_beyond_the_frame_do_not_count() {
+        let image = gradient(60, 40);
+        let view = Camera::new(Projection::Perspective).view(60, 40);
+        let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 3);
+        window.take(&image, &keypoint(4.0, 20.0), &view);
+        let valid = window.validity().unwrap();
+        // Columns 0..8 of the frame; those nearer than the margin to its edge are out.
+        let expected: Vec<bool> = (0..64).map(|idx| idx % 8 >= 3).collect();
+        assert_eq!(valid, expected);
+    }
+
+    #[test]
+    fn panoramas_continue_beyond_their_edge() {
+        let image = gradient(60, 40);
+        let view = Camera::new(Projection::Equirectangular).view(60, 40);
+        let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 2);
+        window.take(&image, &keypoint(1.0, 20.0), &view);
+        assert_eq!(window.validity(), None);
+        assert_eq!(window.pixels()[0], image.row(14)[(60 + 1 - 6) % 60]);
+    }
+
+    #[test]
+    fn mirror_windows_turn_with_the_radial_direction() {
+        // Rings round the center: along the radial axis the window shows them as rows, whatever the angle.
+        let mirror = Mirror { center_x: 0.5, center_y: 0.5, inner_radius: 0.05, outer_radius: 0.5 };
+        let view = Camera::new(Projection::Omnidirectional(mirror)).view(200, 200);
+        let ring = |idx: usize| {
+            let (dx, dy) = ((idx % 200) as f32 - 100.0, (idx / 200) as f32 - 100.0);
+            (2.0 * dx.hypot(dy)) as u8
+        };
+        let image = Image::from_pixels(200, 200, (0..200 * 200).map(ring).collect()).unwrap();
+        let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 1);
+        for angle in [0.0f32, 0.7, 2.0, 4.0, 5.5] {
+            let (x, y) = (100.0 + 50.0 * angle.cos(), 100.0 + 50.0 * angle.sin());
+            window.take(&image, &keypoint(x, y), &view);
+            assert_eq!(window.validity(), None);
+            for (row_idx, row) in window.pixels().chunks(10).enumerate() {
+                let radius = 50.0 + row_idx as f32 - 5.0;
+                for &pixel in row {
+                    assert!((f32::from(pixel) - 2.0 * radius).abs() < 3.0, "{angle} {row_idx} {pixel}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn tiny_images_are_no_problem() {
+        let mirror = Mirror { center_x: 0.0, center_y: 0.0, inner_radius: 0.0, outer_radius: 4.0 };
+        for projection in
+            [Projection::Perspective, Projection::Equirectangular, Projection::Omnidirectional(mirror)]
+        {
+            for (width, height) in [(1, 1), (2, 1), (1, 5), (3, 3)] {
+                let image = gradient(width, height);
+                let view = Camera::new(projection).view(width, height);
+                let mut window = Window::new(&Region::default(), 3);
+                window.take(&image, &keypoint(width as f32 - 0.5, 0.0), &view);
+                assert_eq!(window.validity().unwrap().len(), Region::default().side.pow(2));
+            }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! A service on a loopback port, and what is sent to it.
+
+use roomsight::server::{App, Settings, serve};
+use serde_json::Value;
+use std::fs;
+use std::io;
+use std::path::Path;
+use tempfile::TempDir;
+use tokio::net::TcpListener;
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+
+/// A running service. It stops when told, or when dropped.
+pub struct Server {
+    pub url: String,
+    pub address: String,
+    stop: Option<oneshot::Sender<()>>,
+    task: JoinHandle<io::Result<()>>,
+    _models: Option<TempDir>,
+}
+
+impl Server {
+    /// A service of one small model, `lab`, version 1.
+    pub async fn start(settings: Settings) -> Self {
+        let models = models();
+        let settings = Settings { models: models.path().to_owned(), ..settings };
+        let mut server = Self::of(settings).await;
+        server._models = Some(models);
+        server
+    }
+
+    /// A service of the models that the settings name.
+    pub async fn of(settings: Settings) -> Self {
+        let app = App::start(settings).expect("the service starts");
+        let listener = TcpListener::bind("127.0.0.1:0").await.expect("a free port");
+        let address = listener.local_addr().expect("an address").to_string();
+        let (stop, stopped) = oneshot::channel();
+        let task = tokio::spawn(serve(app, listener, async {
+            let _ = stopped.await;
+        }));
+        Self { url: format!("http://{address}"), address, stop: Some(stop), task, _models: None }
+    }
+
+    /// Tells the service to stop.
+    pub fn stop(&mut self) {
+        drop(self.stop.take());
+    }
+
+    /// Waits until the service has stopped.
+    pub async fn stopped(self) {
+        self.task.await.expect("no panic").expect("no error");
+    }
+
+    /// Posts an image as it is.
+    pub fn post(&self, path: &str, bytes: impl Into<reqwest::Body>) -> reqwest::RequestBuilder {
+        client().post(format!("{}{path}", self.url)).header("content-type", "application/octet-stream").body(bytes)
+    }
+
+    pub fn get(&self, path: &str) -> reqwest::RequestBuilder {
+        client().get(format!("{}{path}", self.url))
+    }
+}
+
+/// A folder of models with `lab/1` in it.
+pub fn models() -> TempDir {
+    let folder = TempDir::new().expect("a temporary folder");
+    write_model(&folder.path().join("lab/1"));
+    folder
+}
+
+/// Writes a small model into a folder of its own.
+pub fn write_model(folder: &Path) {
+    fs::create_dir_all(folder).expect("a folder");
+    fs::write(folder.join("model.safetensors"), "").expect("a file");
+}
+
+/// A file that claims to be a model.
+pub fn write_damaged_model(folder: &Path) {
+    fs::create_dir_all(folder).expect("a folder");
+    fs::write(folder.join("model.safetensors"), "not a model").expect("a file");
+}
+
+pub fn client() -> reqwest::Client {
+    reqwest::Client::builder().no_proxy().build().expect("a client")
+}
+
+/// A form with a field `frame` for each frame: the value of `content-type`, and the body.
+pub fn form(frames: &[&[u8]]) -> (String, Vec<u8>) {
+    let mut body = Vec::new();
+    for frame in frames {
+        body.extend(b"--edge\r\ncontent-disposition: form-data; name=\"frame\"; filename=\"f\"\r\n\r\n");
+        body.extend(*frame);
+        body.extend(b"\r\n");
+    }
+    body.extend(b"--edge--\r\n");
+    ("multipart/form-data; boundary=edge".to_owned(), body)
+}
+
+/// A PGM whose pixels a function of column and row gives.
+pub fn pgm(width: u32, height: u32, pixel: impl Fn(u32, u32) -> u8) -> Vec<u8> {
+    let mut bytes = format!("P5\n{width} {height}\n255\n").into_bytes();
+    bytes.extend((0..height).flat_map(|row| (0..width).map(move |column| (column, row))).map(|(c, r)| pixel(c, r)));
+    bytes
+}
+
+/// A small frame with corners in it.
+pub fn frame() -> Vec<u8> {
+    pgm(160, 120, |column, row| ((column / 10 * 89 + row / 10 * 151) % 256) as u8)
+}
+
+/// Reads an answer that must be an error of this status and kind; returns it.
+pub async fn problem(response: reqwest::Response, status: u16, kind: &str) -> Value {
+    let headers = response.headers().clone();
+    let told = response.status().as_u16();
+    let text = response.text().await.expect("a body");
+    assert_eq!(told, status, "{text}");
+    assert_eq!(headers["content-type"], "application/problem+json", "{text}");
+    let body: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!(body["type"], format!("/problems/{kind}"), "{text}");
+    assert_eq!(body["status"], status, "{text}");
+    assert!(body["title"].as_str().is_some_and(|title| !title.is_empty()), "{text}");
+    assert!(body["detail"].as_str().is_some_and(|detail| !detail.is_empty()), "{text}");
+    assert!(body["request_id"].as_str().is_some_and(|id| !id.is_empty()), "{text}");
+    assert_eq!(headers["x-request-id"], body["request_id"].as_str().expect("a text"), "{text}");
+    body
+}
+
+/// Reads an answer that must be a success; returns it.
+pub async fn success(response: reqwest::Response) -> Value {
+    let status = response.status();
+    let text = response.text().await.expect("a body");
+    assert_eq!(status, 200, "{text}");
+    serde_json::from_str(&text).expect("JSON")
+}
