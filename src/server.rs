@@ -79,9 +79,7 @@ pub enum StartError {
 impl App {
     /// Loads the models, sends a frame through each that is to serve, and starts the threads.
     pub fn start(settings: Settings) -> Result<Self, StartError> {
-        let limits = settings.frame_limits();
-        let registry =
-            Registry::open(&settings.models, &settings.model, |model| recognize::warm(model, &limits))?;
+        let registry = Registry::open(&settings.models, &settings.model, recognize::warm)?;
         Ok(Self(Arc::new(AppState {
             registry,
             pool: Pool::new(settings.n_threads(), settings.queue)?,

@@ -19,7 +19,9 @@ fn operations(document: &Value) -> Vec<(String, &Value)> {
     let paths = document["paths"].as_object().unwrap();
     paths
         .iter()
-        .flat_map(|(path, item)| item.as_object().unwrap().iter().map(move |(method, op)| (format!("{method} {path}"), op)))
+        .flat_map(|(path, item)| {
+            item.as_object().unwrap().iter().map(move |(method, op)| (format!("{method} {path}"), op))
+        })
         .collect()
 }
 
@@ -47,7 +49,8 @@ fn every_call_says_what_can_go_wrong() {
         assert_eq!(needs_key, responses.contains_key("401") && responses.contains_key("403"), "{name}");
     }
     let recognize = &document["paths"]["/v1/recognize"]["post"]["responses"];
-    for status in ["400", "401", "403", "404", "408", "409", "413", "415", "422", "429", "500", "503", "504"] {
+    for status in ["400", "401", "403", "404", "408", "409", "413", "415", "422", "429", "500", "503", "504"]
+    {
         assert!(recognize.get(status).is_some(), "{status}");
     }
 }

@@ -53,10 +53,10 @@ pub enum KeyError {
     #[error("an entry of `keys` is not `role:name:hash`; `roomsight key new` prints one that is")]
     Shape,
     /// A role that does not exist.
-    #[error("an entry of `keys` has the role {0:?}; roles are robot, viewer, admin")]
+    #[error("{0:?} is no role; roles are robot, viewer, admin")]
     Role(String),
     /// A name that would not read well in a log.
-    #[error("the name {0:?} in `keys` must be 1 to 64 letters, digits, `-`, `_` or `.`")]
+    #[error("a key cannot be named {0:?}: use 1 to 64 letters, digits, `-`, `_` or `.`")]
     Name(String),
     /// Not a hash.
     #[error("the hash of {0:?} in `keys` is not 64 hexadecimal digits")]
@@ -187,7 +187,9 @@ pub async fn viewers(State(app): State<App>, request: Request, next: Next) -> Re
 async fn pass(app: &App, needs: Role, request: Request, next: Next) -> Response {
     match authorize(&app.settings.keys, request.headers(), needs) {
         Ok(name) => {
-            tracing::Span::current().record("key", name);
+            if let Some(name) = name {
+                tracing::Span::current().record("key", name);
+            }
             next.run(request).await
         }
         Err(error) => Problem::from(error).into_response(),

@@ -5,6 +5,8 @@
 //! therefore read and thrown away for a while.
 
 use axum::body::{Body, Bytes, HttpBody};
+use axum::extract::Request;
+use axum::http::header::EXPECT;
 use http_body_util::BodyExt;
 use hyper::body::{Frame, SizeHint};
 use std::pin::Pin;
@@ -18,9 +20,14 @@ const MAX_TIME: Duration = Duration::from_secs(2);
 /// A body whose rest is read when it is dropped.
 struct Lingering(Body);
 
-/// Makes the rest of `body` be read when it is dropped.
-pub fn linger(body: Body) -> Body {
-    if body.is_end_stream() { body } else { Body::new(Lingering(body)) }
+/// Makes the rest of a request's body be read when it is dropped. A caller who expects to be told
+/// before it sends a body sends none after an error.
+pub fn linger(request: Request) -> Request {
+    if request.body().is_end_stream() || request.headers().contains_key(EXPECT) {
+        request
+    } else {
+        request.map(|body| Body::new(Lingering(body)))
+    }
 }
 
 impl HttpBody for Lingering {

@@ -65,7 +65,7 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
         key = Empty, robot = Empty, model = Empty
     );
     async move {
-        let mut request = request.map(linger);
+        let mut request = linger(request);
         request.extensions_mut().insert(context.clone());
         let response = complete(next.run(request).await, &context);
         let ms = context.arrived.elapsed().as_micros() as f64 / 1e3;

@@ -40,7 +40,10 @@ impl FromRequestParts<App> for Asked {
             .map_err(|error| Problem::Framework(error.status()))?;
         let served = app.registry.choose(query.model.as_deref(), &choice(&query)?)?;
         let span = tracing::Span::current();
-        span.record("model", &served.name).record("robot", query.robot.as_deref());
+        span.record("model", &served.name);
+        if let Some(robot) = &query.robot {
+            span.record("robot", robot);
+        }
         let wait = query.deadline_ms.map(Duration::from_millis);
         let task = Task {
             served: Arc::clone(served),

@@ -50,7 +50,7 @@ pub struct Timings {
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]
 pub enum RecognizeError {
     /// The bytes are no image, or one beyond the limits.
-    #[error("{0}; send a whole JPEG, PNG, WebP, BMP or PGM image")]
+    #[error(transparent)]
     Image(#[from] ImageError),
     /// Looked at too late.
     #[error("the frame's deadline passed before it was looked at; allow more time or send fewer frames")]
@@ -95,8 +95,8 @@ pub fn recognize(
 
 /// Sends a drawn frame through decoding and recognition, so that a model that cannot answer is
 /// known before a robot finds out.
-pub fn warm(model: &Model, limits: &Limits) -> Result<(), String> {
-    let image = Image::decode(&drawn_frame(), limits).map_err(|error| error.to_string())?;
+pub fn warm(model: &Model) -> Result<(), String> {
+    let image = Image::decode(&drawn_frame(), &Limits::default()).map_err(|error| error.to_string())?;
     let recognition = model.recognize(&image, &mut Scratch::default());
     let sum: f32 = recognition.probabilities.iter().sum();
     if recognition.probabilities.len() != model.places().len() || (sum - 1.0).abs() > 0.01 {

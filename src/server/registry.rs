@@ -312,3 +312,54 @@ fn nothing_serves(folder: &Path, models: &BTreeMap<String, Versions>) -> Registr
         RegistryError::AllFailed { folder: folder.to_owned(), failures }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tempfile::TempDir;
+
+    fn folder(paths: &[&str]) -> TempDir {
+        let folder = TempDir::new().unwrap();
+        for path in paths {
+            fs::create_dir_all(folder.path().join(path)).unwrap();
+        }
+        folder
+    }
+
+    fn found(folder: &Path) -> Vec<(String, Vec<u64>)> {
+        let models = scan(folder).unwrap();
+        models.into_iter().map(|(name, versions)| (name, versions.into_keys().collect())).collect()
+    }
+
+    fn write(folder: &TempDir, paths: &[&str]) {
+        for path in paths {
+            fs::write(folder.path().join(path).join(MODEL_FILE), "").unwrap();
+        }
+    }
+
+    #[test]
+    fn versions_are_ordered_as_numbers_and_foreign_folders_left_alone() {
+        let paths = ["lab/9", "lab/10", "lab/latest", "lab/11", ".git/1", "two words/1", "empty"];
+        let folder = folder(&paths);
+        write(&folder, &["lab/9", "lab/10", "lab/latest", ".git/1", "two words/1"]);
+        assert_eq!(found(folder.path()), [("lab".to_owned(), vec![9, 10])]);
+    }
+
+    #[test]
+    fn a_models_own_folder_gives_its_name_and_version() {
+        let folder = folder(&["lab/7", "attic"]);
+        write(&folder, &["lab/7", "attic"]);
+        assert_eq!(found(&folder.path().join("lab/7")), [("lab".to_owned(), vec![7])]);
+        assert_eq!(found(&folder.path().join("attic")), [("attic".to_owned(), vec![1])]);
+    }
+
+    #[test]
+    fn only_plain_names_are_taken() {
+        for name in ["lab", "Lab_2.b-c", "x"] {
+            assert!(is_name(name), "{name}");
+        }
+        for name in ["", ".lab", "..", "a b", "a/b", "caf\u{e9}", &"x".repeat(65)] {
+            assert!(!is_name(name), "{name}");
+        }
+    }
+}

@@ -3,12 +3,14 @@
 use roomsight::server::{App, Settings, serve};
 use serde_json::Value;
 use std::fs;
-use std::io;
+use std::io::{self, Read, Write};
+use std::net::TcpStream;
 use std::path::Path;
+use std::time::Duration;
 use tempfile::TempDir;
 use tokio::net::TcpListener;
 use tokio::sync::oneshot;
-use tokio::task::JoinHandle;
+use tokio::task::{JoinHandle, spawn_blocking};
 
 /// A running service. It stops when told, or when dropped.
 pub struct Server {
@@ -41,6 +43,13 @@ impl Server {
         Self { url: format!("http://{address}"), address, stop: Some(stop), task, _models: None }
     }
 
+    /// Opens a connection and sends these few bytes over it.
+    pub fn send_raw(&self, bytes: &[u8]) -> TcpStream {
+        let mut stream = TcpStream::connect(&self.address).expect("a connection");
+        stream.write_all(bytes).expect("bytes are taken");
+        stream
+    }
+
     /// Tells the service to stop.
     pub fn stop(&mut self) {
         drop(self.stop.take());
@@ -51,9 +60,14 @@ impl Server {
         self.task.await.expect("no panic").expect("no error");
     }
 
+    /// Posts a body of a type.
+    pub fn post_as(&self, path: &str, media_type: &str, body: Vec<u8>) -> reqwest::RequestBuilder {
+        client().post(format!("{}{path}", self.url)).header("content-type", media_type).body(body)
+    }
+
     /// Posts an image as it is.
-    pub fn post(&self, path: &str, bytes: impl Into<reqwest::Body>) -> reqwest::RequestBuilder {
-        client().post(format!("{}{path}", self.url)).header("content-type", "application/octet-stream").body(bytes)
+    pub fn post(&self, path: &str, image: Vec<u8>) -> reqwest::RequestBuilder {
+        self.post_as(path, "application/octet-stream", image)
     }
 
     pub fn get(&self, path: &str) -> reqwest::RequestBuilder {
@@ -84,8 +98,11 @@ pub fn client() -> reqwest::Client {
     reqwest::Client::builder().no_proxy().build().expect("a client")
 }
 
-/// A form with a field `frame` for each frame: the value of `content-type`, and the body.
-pub fn form(frames: &[&[u8]]) -> (String, Vec<u8>) {
+/// The type of what [`form`] makes.
+pub const FORM: &str = "multipart/form-data; boundary=edge";
+
+/// A form with a field `frame` for each frame.
+pub fn form(frames: &[&[u8]]) -> Vec<u8> {
     let mut body = Vec::new();
     for frame in frames {
         body.extend(b"--edge\r\ncontent-disposition: form-data; name=\"frame\"; filename=\"f\"\r\n\r\n");
@@ -93,13 +110,15 @@ pub fn form(frames: &[&[u8]]) -> (String, Vec<u8>) {
         body.extend(b"\r\n");
     }
     body.extend(b"--edge--\r\n");
-    ("multipart/form-data; boundary=edge".to_owned(), body)
+    body
 }
 
 /// A PGM whose pixels a function of column and row gives.
 pub fn pgm(width: u32, height: u32, pixel: impl Fn(u32, u32) -> u8) -> Vec<u8> {
     let mut bytes = format!("P5\n{width} {height}\n255\n").into_bytes();
-    bytes.extend((0..height).flat_map(|row| (0..width).map(move |column| (column, row))).map(|(c, r)| pixel(c, r)));
+    bytes.extend(
+        (0..height).flat_map(|row| (0..width).map(move |column| (column, row))).map(|(c, r)| pixel(c, r)),
+    );
     bytes
 }
 
@@ -131,4 +150,15 @@ pub async fn success(response: reqwest::Response) -> Value {
     let text = response.text().await.expect("a body");
     assert_eq!(status, 200, "{text}");
     serde_json::from_str(&text).expect("JSON")
+}
+
+/// Reads until the other side closes, or says nothing for this long.
+pub async fn read_raw(mut stream: TcpStream, patience: Duration) -> String {
+    let read = move || {
+        let mut bytes = Vec::new();
+        stream.set_read_timeout(Some(patience)).expect("a time-out can be set");
+        let _ = stream.read_to_end(&mut bytes);
+        String::from_utf8_lossy(&bytes).into_owned()
+    };
+    spawn_blocking(read).await.expect("no panic")
 }

@@ -1,0 +1,179 @@
+//! The service under pressure: full queues, slow and absent callers, and a stop in the middle.
+
+use crate::service::{Server, frame, problem, read_raw, success};
+use image::{GrayImage, ImageFormat};
+use roomsight::server::Settings;
+use std::io::Cursor;
+use std::sync::LazyLock;
+use std::time::{Duration, Instant};
+use tokio::task::JoinSet;
+use tokio::time::{sleep, timeout};
+
+const SOON: Duration = Duration::from_secs(5);
+/// Longer than an answer takes to come once it has begun.
+const PAUSE: Duration = Duration::from_secs(1);
+const SLOW_HEAD: &str = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: 1000\r\n\r\nonly this";
+
+/// A service of one thread with a queue of this length.
+async fn one_thread(queue: usize) -> Server {
+    Server::start(Settings { threads: 1, queue, max_batch_frames: 1, ..Settings::default() }).await
+}
+
+/// A small file that takes long to decode: 36 megapixels.
+fn slow_frame() -> Vec<u8> {
+    static FRAME: LazyLock<Vec<u8>> = LazyLock::new(|| {
+        let mut bytes = Cursor::new(Vec::new());
+        GrayImage::new(6000, 6000).write_to(&mut bytes, ImageFormat::Png).unwrap();
+        bytes.into_inner()
+    });
+    FRAME.clone()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_full_queue_is_told_with_a_time_to_come_back() {
+    let server = one_thread(0).await;
+    let mut callers = JoinSet::new();
+    for _ in 0..8 {
+        callers.spawn(server.post("/v1/recognize", slow_frame()).send());
+    }
+    let (mut n_answered, mut n_refused) = (0, 0);
+    for response in callers.join_all().await {
+        let response = response.unwrap();
+        if response.status() == 200 {
+            n_answered += 1;
+        } else {
+            let wait: u64 = response.headers()["retry-after"].to_str().unwrap().parse().unwrap();
+            assert!((1..=60).contains(&wait), "{wait}");
+            problem(response, 429, "queue-full").await;
+            n_refused += 1;
+        }
+    }
+    assert!(n_answered >= 1 && n_refused >= 1, "{n_answered} answered, {n_refused} refused");
+    success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn slow_bodies_are_ended_and_hold_nobody_back() {
+    let settings =
+        Settings { threads: 1, queue: 0, max_batch_frames: 1, body_timeout_ms: 500, ..Settings::default() };
+    let server = Server::start(settings).await;
+    let mut slow = Vec::new();
+    for _ in 0..10 {
+        slow.push(server.send_raw(SLOW_HEAD.as_bytes()));
+    }
+    success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
+    for stream in slow {
+        let response = read_raw(stream, PAUSE).await;
+        assert!(response.starts_with("HTTP/1.1 408 "), "{response}");
+        assert!(response.contains("/problems/slow-body"), "{response}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_head_that_never_ends_is_cut_off() {
+    let server = Server::start(Settings { header_timeout_ms: 200, ..Settings::default() }).await;
+    let stream = server.send_raw(b"POST /v1/recognize HTTP/1.1\r\nhost:");
+    timeout(SOON, read_raw(stream, 2 * SOON)).await.expect("the connection is closed");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn memory_for_bodies_is_bounded_for_all_callers_together() {
+    let settings = Settings {
+        max_frame_bytes: 40_000,
+        max_batch_bytes: 40_000,
+        max_buffered_bytes: 60_000,
+        ..Settings::default()
+    };
+    let server = Server::start(settings).await;
+    let head = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: 40000\r\n\r\n";
+    let held = server.send_raw(format!("{head}{}", "x".repeat(39_000)).as_bytes());
+    let refused = timeout(SOON, async {
+        loop {
+            let response = server.post("/v1/recognize", vec![b'x'; 39_000]).send().await.unwrap();
+            if response.status() == 429 {
+                return response;
+            }
+            // The first caller's bytes have not all arrived yet.
+            sleep(Duration::from_millis(10)).await;
+        }
+    });
+    problem(refused.await.unwrap(), 429, "queue-full").await;
+    drop(held);
+    timeout(SOON, async {
+        while server.post("/v1/recognize", vec![b'x'; 39_000]).send().await.unwrap().status() == 429 {
+            sleep(Duration::from_millis(10)).await;
+        }
+    })
+    .await
+    .expect("the memory is given back when the caller leaves");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn frames_of_callers_that_left_are_not_worked_on() {
+    const N_LEAVING: u32 = 20;
+    let server = one_thread(64).await;
+    let started = Instant::now();
+    success(server.post("/v1/recognize", slow_frame()).send().await.unwrap()).await;
+    let one_takes = started.elapsed();
+    let mut leaving = JoinSet::new();
+    for _ in 0..N_LEAVING {
+        leaving.spawn(server.post("/v1/recognize", slow_frame()).send());
+    }
+    sleep(one_takes.mul_f64(1.5)).await;
+    leaving.shutdown().await;
+    let started = Instant::now();
+    success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
+    let waited = started.elapsed();
+    assert!(waited < one_takes * (N_LEAVING / 2), "{waited:?} where one frame takes {one_takes:?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_deadline_that_passes_in_the_queue_is_told() {
+    let server = one_thread(64).await;
+    let mut ahead = JoinSet::new();
+    for _ in 0..4 {
+        ahead.spawn(server.post("/v1/recognize", slow_frame()).send());
+    }
+    sleep(Duration::from_millis(20)).await;
+    let response = server.post("/v1/recognize?deadline_ms=25", frame()).send().await.unwrap();
+    problem(response, 504, "deadline-passed").await;
+    for response in ahead.join_all().await {
+        success(response.unwrap()).await;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_answers_what_was_accepted_and_refuses_the_rest() {
+    let mut server = one_thread(64).await;
+    let mut accepted = JoinSet::new();
+    for _ in 0..8 {
+        accepted.spawn(server.post("/v1/recognize", slow_frame()).send());
+    }
+    sleep(Duration::from_millis(100)).await;
+    server.stop();
+    sleep(Duration::from_millis(20)).await;
+    problem(server.get("/readyz").send().await.unwrap(), 503, "draining").await;
+    problem(server.post("/v1/recognize", frame()).send().await.unwrap(), 503, "draining").await;
+    success(server.get("/livez").send().await.unwrap()).await;
+    for response in accepted.join_all().await {
+        success(response.unwrap()).await;
+    }
+    timeout(SOON, server.stopped()).await.expect("the service ends when all are answered");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_stop_waits_for_nobody_who_asks_nothing_and_not_for_ever() {
+    let mut server = Server::start(Settings::default()).await;
+    let _idle = server.send_raw(b"");
+    let kept = server.send_raw(b"GET /livez HTTP/1.1\r\nhost: x\r\n\r\n");
+    let answer = read_raw(kept.try_clone().unwrap(), PAUSE).await;
+    assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+    server.stop();
+    timeout(SOON, server.stopped()).await.expect("idle connections are closed");
+
+    let mut server = Server::start(Settings { drain_timeout_ms: 300, ..Settings::default() }).await;
+    let _slow = server.send_raw(SLOW_HEAD.as_bytes());
+    sleep(Duration::from_millis(50)).await;
+    server.stop();
+    timeout(SOON, server.stopped()).await.expect("the drain is bounded");
+}

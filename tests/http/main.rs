@@ -1,0 +1,7 @@
+//! The service as its callers see it, over real sockets.
+
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+mod calls;
+mod load;
+mod service;
