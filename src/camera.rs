@@ -101,7 +101,9 @@ impl View {
         let (right, bottom) = ((self.width - 1) as f32, (self.height - 1) as f32);
         let columns = self.wraps() || (x - margin >= 0.0 && x + margin <= right);
         let inside = columns && y - margin >= 0.0 && y + margin <= bottom;
-        inside && self.in_mirror(x, y, margin) && self.hidden.as_ref().is_none_or(|hidden| hidden.none(x, y, margin))
+        inside
+            && self.in_mirror(x, y, margin)
+            && self.hidden.as_ref().is_none_or(|hidden| hidden.none(x, y, margin))
     }
 
     /// Whether every pixel of the frame is valid.

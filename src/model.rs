@@ -1,34 +1,33 @@
 //! The whole pipeline: labeled frames to a model, a frame to a room.
+//!
+//! Lu et al., "Robust place recognition based on omnidirectional vision and real-time local visual
+//! features for mobile robots": detect, describe, count words, classify.
 
+mod card;
+mod config;
+mod features;
+mod folder;
+mod format;
+mod train;
+
+pub use card::{Card, Measurement};
+pub use config::{CalibrationConfig, Classifier, Config, Representation};
+pub use features::{Extractor, Features, Scratch};
+pub use folder::{GoldenFrame, LoadError, LoadedModel, SaveError, load_golden_frames};
+pub use format::{FORMAT_VERSION, FormatError};
+pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep};
+
+use crate::camera::Camera;
 use crate::image::Image;
-use std::path::Path;
-
-/// Why a model file was refused; the text says what is wrong with it.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct LoadError(pub String);
-
-/// Working memory of one recognizing thread, reused from frame to frame.
-#[derive(Default)]
-pub struct Scratch {}
-
-/// What a frame shows, before it is classified.
-#[derive(Clone, Debug, Default)]
-pub struct Features {}
-
-impl Features {
-    /// The number of keypoints found.
-    pub fn n_keypoints(&self) -> usize {
-        0
-    }
-}
+use crate::svm::{Calibration, LinearSvm, Scheme, most_probable};
+use crate::vocabulary::Vocabulary;
 
 /// The answer for one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recognition {
-    /// Index into [`Model::places`] of the most probable room.
+    /// Index into [`Model::places`] of the most probable room, the first of equal ones.
     pub place_idx: usize,
-    /// Whether held-out frames answered with this confidence were mostly right.
+    /// Whether held-out frames answered at least as confidently were mostly right; never without a keypoint.
     pub known: bool,
     /// One probability a room, in the order of [`Model::places`]; they sum to 1.
     pub probabilities: Vec<f32>,
@@ -36,73 +35,165 @@ pub struct Recognition {
     pub n_keypoints: usize,
 }
 
+impl Recognition {
+    /// The probability of the room that was answered.
+    pub fn probability(&self) -> f32 {
+        self.probabilities[self.place_idx]
+    }
+}
+
 /// One keypoint's share in an answer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evidence {
-    /// Column in the frame as sent, in pixels.
+    /// Column in the frame as it came, in pixels.
     pub x: f32,
-    /// Row in the frame as sent, in pixels.
+    /// Row in the frame as it came, in pixels.
     pub y: f32,
     /// The word of the vocabulary it was assigned to.
     pub word_idx: usize,
-    /// Its contribution to the decision value of the room; negative speaks against it.
+    /// Its share in the decision value of the room; negative speaks against it.
     pub weight: f32,
 }
 
-/// A trained model. Immutable; share it between threads behind an `Arc`.
-#[derive(Debug)]
+/// A trained model. It never changes; share it between threads behind an `Arc`.
+#[derive(Clone, Debug)]
 pub struct Model {
+    config: Config,
     places: Vec<String>,
+    extractor: Extractor,
+    classification: Classification,
+    card: Card,
+}
+
+/// From descriptors to probabilities.
+#[derive(Clone, Debug)]
+struct Classification {
+    vocabulary: Vocabulary,
+    svm: LinearSvm,
+    calibration: Calibration,
+    /// Answers of at least this probability are known.
+    known_probability: f32,
 }
 
 impl Model {
-    /// The rooms, in a fixed order.
+    /// The rooms, sorted.
     pub fn places(&self) -> &[String] {
         &self.places
     }
 
-    /// The BLAKE3 digest of the model file, 64 hexadecimal digits.
-    pub fn digest(&self) -> &str {
-        ""
+    /// What it was configured to be.
+    pub fn config(&self) -> &Config {
+        &self.config
     }
 
-    /// Everything about the model that a person would ask: configuration, training data, measured
-    /// accuracy, versions. The same object as in `model.json`.
-    pub fn card(&self) -> serde_json::Value {
-        serde_json::Value::Null
+    /// The camera whose frames it takes.
+    pub fn camera(&self) -> &Camera {
+        self.extractor.camera()
     }
 
-    /// Detects and describes. The first half of [`Model::recognize`].
-    pub fn features(&self, image: &Image, scratch: &mut Scratch) -> Features {
-        let _ = (image, scratch);
-        Features::default()
+    /// What a person would ask about it: what it was trained on, how well it did.
+    pub fn card(&self) -> &Card {
+        &self.card
     }
 
-    /// Bag, decision values, probabilities. The second half of [`Model::recognize`].
-    pub fn classify(&self, features: &Features) -> Recognition {
-        let n = self.places.len();
-        Recognition {
-            place_idx: 0,
-            known: false,
-            probabilities: vec![1.0 / n as f32; n],
-            n_keypoints: features.n_keypoints(),
-        }
+    /// The same model with another card.
+    pub fn with_card(self, card: Card) -> Self {
+        Self { card, ..self }
     }
 
-    /// Which room a frame shows.
+    /// The number of words of the vocabulary.
+    pub fn n_words(&self) -> usize {
+        self.classification.vocabulary.n_words()
+    }
+
+    /// The number of training frames each support vector machine rests on.
+    pub fn n_support_vectors(&self) -> &[usize] {
+        self.classification.svm.n_support_vectors()
+    }
+
+    /// From which probability on an answer is known.
+    pub fn known_probability(&self) -> f32 {
+        self.classification.known_probability
+    }
+
+    /// Which room a frame shows. `scratch` is for frames of this model only.
     pub fn recognize(&self, image: &Image, scratch: &mut Scratch) -> Recognition {
         self.classify(&self.features(image, scratch))
     }
 
-    /// Which keypoints spoke for and against a room, strongest first.
-    pub fn explain(&self, features: &Features, place_idx: usize) -> Vec<Evidence> {
-        let _ = (features, place_idx);
-        Vec::new()
+    /// Detects and describes: the first half of [`Model::recognize`].
+    pub fn features(&self, image: &Image, scratch: &mut Scratch) -> Features {
+        self.extractor.extract(image, scratch)
     }
 
-    /// Reads a model folder (`model.safetensors` and `model.json`), or the `.safetensors` file in it.
-    pub fn load(path: &Path) -> Result<Self, LoadError> {
-        let _ = path;
-        Ok(Self { places: vec!["corridor".into(), "kitchen".into()] })
+    /// Counts words and weighs them: the second half of [`Model::recognize`].
+    pub fn classify(&self, features: &Features) -> Recognition {
+        self.classification.classify(features)
+    }
+
+    /// What each keypoint said for and against a room, the strongest first. With one machine a pair of
+    /// rooms, the sum over the machines that the room takes part in.
+    pub fn explain(&self, features: &Features, place_idx: usize) -> Vec<Evidence> {
+        let word_weights = self.classification.word_weights(features, place_idx);
+        let words = self.classification.vocabulary.quantize(&features.descriptors);
+        let mut evidence: Vec<Evidence> = words
+            .iter()
+            .zip(&features.keypoints)
+            .map(|(&word, keypoint)| Evidence {
+                x: keypoint.x * features.scale,
+                y: keypoint.y * features.scale,
+                word_idx: word as usize,
+                weight: word_weights[word as usize],
+            })
+            .collect();
+        evidence.sort_by(|a, b| b.weight.abs().total_cmp(&a.weight.abs()));
+        evidence
     }
 }
+
+impl Classification {
+    fn classify(&self, features: &Features) -> Recognition {
+        let n_keypoints = features.keypoints.len();
+        if n_keypoints == 0 {
+            // Nothing was seen: no room is more probable than another.
+            let n_places = self.svm.n_classes();
+            let probabilities = vec![1.0 / n_places as f32; n_places];
+            return Recognition { place_idx: 0, known: false, probabilities, n_keypoints };
+        }
+        let bag = self.vocabulary.bag(&self.vocabulary.quantize(&features.descriptors));
+        let probabilities = self.calibration.probabilities(&self.svm.decision_values(&bag));
+        let place_idx = most_probable(&probabilities);
+        let known = probabilities[place_idx] >= self.known_probability;
+        Recognition { place_idx, known, probabilities, n_keypoints }
+    }
+
+    /// How much one keypoint of each word adds to the decision value of a room.
+    fn word_weights(&self, features: &Features, place_idx: usize) -> Vec<f32> {
+        let words = self.vocabulary.quantize(&features.descriptors);
+        let bag = self.vocabulary.bag(&words);
+        let mut counts = vec![0.0; bag.len()];
+        words.iter().for_each(|&word| counts[word as usize] += 1.0);
+        let weight = |word_idx: usize| {
+            let signed = self
+                .signed_machines(place_idx)
+                .map(|(machine, sign)| sign * self.svm.weights().row(machine)[word_idx]);
+            signed.sum::<f32>() * bag[word_idx] / f32::max(counts[word_idx], 1.0)
+        };
+        (0..bag.len()).map(weight).collect()
+    }
+
+    /// The machines that speak of a room, and whether their positive side is it.
+    fn signed_machines(&self, place_idx: usize) -> impl Iterator<Item = (usize, f32)> {
+        let n_places = self.svm.n_classes();
+        let one_vs_all = (self.svm.scheme() == Scheme::OneVsAll).then_some((place_idx, 1.0));
+        let pairs = (0..n_places).flat_map(move |a| (a + 1..n_places).map(move |b| (a, b))).enumerate();
+        let one_vs_one = pairs.filter_map(move |(machine, (a, b))| {
+            let sign = if a == place_idx { 1.0 } else { -1.0 };
+            (one_vs_all.is_none() && (a == place_idx || b == place_idx)).then_some((machine, sign))
+        });
+        one_vs_all.into_iter().chain(one_vs_one)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -141,7 +141,8 @@ pub struct TransposedMatrix {
 impl TransposedMatrix {
     /// Lays out `rows`, all of the same length, as columns.
     pub fn new<'a>(rows: impl Iterator<Item = &'a [f32]>, row_length: usize) -> Self {
-        let mut transposed = Self { blocks: Vec::new(), half_squared_lengths: Vec::new(), n_rows: row_length };
+        let mut transposed =
+            Self { blocks: Vec::new(), half_squared_lengths: Vec::new(), n_rows: row_length };
         for (column_idx, row) in rows.enumerate() {
             let lane = column_idx % COLUMN_BLOCK;
             if lane == 0 {

@@ -86,8 +86,10 @@ struct Activity {
 
 impl Activity {
     fn of(frames: &[Image]) -> Option<Self> {
-        let small: Vec<Image> =
-            frames.iter().map(|frame| frame.shrink_to(SEARCH_SIZE).unwrap_or_else(|| frame.clone())).collect();
+        let small: Vec<Image> = frames
+            .iter()
+            .map(|frame| frame.shrink_to(SEARCH_SIZE).unwrap_or_else(|| frame.clone()))
+            .collect();
         let (first, rest) = small.split_first()?;
         let (width, height) = (first.width(), first.height());
         if rest.is_empty() || rest.iter().any(|frame| (frame.width(), frame.height()) != (width, height)) {
@@ -130,7 +132,8 @@ impl Activity {
     fn own_reflection(&self, rim: &Circle, noticeable: f32) -> f32 {
         let profile = self.radial_profile(rim.x, rim.y);
         let steps = 2..(rim.radius as usize / 2).min(profile.len().saturating_sub(2));
-        let rise = |radius: usize| profile[radius] + profile[radius + 1] - profile[radius - 1] - profile[radius - 2];
+        let rise =
+            |radius: usize| profile[radius] + profile[radius + 1] - profile[radius - 1] - profile[radius - 2];
         let mean = |rings: &[f32]| rings.iter().sum::<f32>() / rings.len().max(1) as f32;
         let is_still = |radius: usize| {
             rise(radius) / 2.0 > noticeable

@@ -36,8 +36,7 @@ impl Cells {
             let starts = &self.histogram_start[y * side..][..side];
             let weights = &self.weights[y * side..][..side];
             let valid = window.validity().map(|valid| &valid[y * side..][..side]);
-            for (x, (&code, (&start, &weight))) in
-                code_row.iter().zip(starts.iter().zip(weights)).enumerate()
+            for (x, (&code, (&start, &weight))) in code_row.iter().zip(starts.iter().zip(weights)).enumerate()
             {
                 let counted = valid.is_none_or(|valid| valid[x]);
                 self.counts[start + usize::from(bins[usize::from(code)])] += if counted { weight } else { 0 };

@@ -27,10 +27,7 @@ impl NeighborCircle {
             let angle = std::f64::consts::TAU * idx as f64 / n_neighbors as f64;
             Neighbor::at(f64::from(radius) * angle.cos(), -f64::from(radius) * angle.sin())
         };
-        Self {
-            neighbors: (0..n_neighbors).map(neighbor).collect(),
-            margin: margin(radius),
-        }
+        Self { neighbors: (0..n_neighbors).map(neighbor).collect(), margin: margin(radius) }
     }
 
     /// The gray values of one neighbor of every pixel, in 1/256, into `plane`: rows of the window's side
@@ -108,7 +105,8 @@ mod tests {
                 circle.neighbor_plane(neighbor_idx, &window, &mut plane);
                 let angle = std::f32::consts::TAU * neighbor_idx as f32 / n_neighbors as f32;
                 for (x, y) in [(0, 0), (6, 0), (3, 5), (6, 6)] {
-                    let expected = (37 + x) as f32 + radius * angle.cos()
+                    let expected = (37 + x) as f32
+                        + radius * angle.cos()
                         + 2.0 * ((27 + y) as f32 - radius * angle.sin());
                     let value = f32::from(plane[y * window.side() + x]) / 256.0;
                     assert!((value - expected).abs() < 0.05, "{value} {expected}");

@@ -45,7 +45,10 @@ impl CsLbp {
 
     pub(super) fn check(&self) -> Result<(), String> {
         if self.n_neighbors % 2 != 0 || !(2..=16).contains(&self.n_neighbors) {
-            return Err(format!("CS-LBP takes an even number of 2 to 16 neighbors, not {}", self.n_neighbors));
+            return Err(format!(
+                "CS-LBP takes an even number of 2 to 16 neighbors, not {}",
+                self.n_neighbors
+            ));
         }
         if !(0.0..1.0).contains(&self.threshold) {
             return Err(format!("the CS-LBP threshold must be from 0 to 1, not {}", self.threshold));

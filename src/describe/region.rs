@@ -52,8 +52,7 @@ impl Region {
         let center = (self.side as f64 - 1.0) / 2.0;
         let sigma = self.side as f64 / 2.0;
         let weight = |pixel_idx: usize| {
-            let (dx, dy) =
-                ((pixel_idx % self.side) as f64 - center, (pixel_idx / self.side) as f64 - center);
+            let (dx, dy) = ((pixel_idx % self.side) as f64 - center, (pixel_idx / self.side) as f64 - center);
             match self.weighting {
                 Weighting::Uniform => 1,
                 Weighting::Gaussian => {
@@ -106,8 +105,7 @@ impl Window {
             }
             Some(direction) => {
                 // Half the diagonal, and the neighbors that interpolation reads.
-                let all_valid =
-                    view.contains(keypoint.x, keypoint.y, reach * std::f32::consts::SQRT_2 + 1.0);
+                let all_valid = view.contains(keypoint.x, keypoint.y, reach * std::f32::consts::SQRT_2 + 1.0);
                 self.take_turned(image, keypoint, direction, all_valid);
                 self.mark_valid(keypoint, direction, view, all_valid);
             }

@@ -99,7 +99,9 @@ impl Fast {
             let row = image.row(y);
             pixels.extend((0..wrapped_width).map(|x| row[(x + width * SEAM - SEAM) % width]));
         }
-        let Some(wrapped) = Image::from_pixels(wrapped_width, image.height(), pixels) else { return Vec::new() };
+        let Some(wrapped) = Image::from_pixels(wrapped_width, image.height(), pixels) else {
+            return Vec::new();
+        };
         let shifted = |threshold| {
             let mut found = scored_corners(&wrapped, threshold);
             found.retain_mut(|keypoint| {
@@ -243,7 +245,9 @@ mod tests {
             .map(|i| CIRCLE[i % 16])
             .map(|(dx, dy)| at(x.wrapping_add_signed(dx), y.wrapping_add_signed(dy)) - at(x, y))
             .collect();
-        differences.windows(9).any(|arc| arc.iter().all(|&d| d > threshold) || arc.iter().all(|&d| d < -threshold))
+        differences
+            .windows(9)
+            .any(|arc| arc.iter().all(|&d| d > threshold) || arc.iter().all(|&d| d < -threshold))
     }
 
     fn naive_corners(image: &Image, threshold: u8) -> Vec<(usize, usize, i32)> {

@@ -1,0 +1,32 @@
+//! What a person would ask about a model.
+
+use serde::{Deserialize, Serialize};
+
+/// What a model was trained on and how well it did. Part of the model file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Card {
+    /// What it recognizes, in a sentence.
+    pub description: String,
+    /// Whether any frame that it was trained on is simulated.
+    pub simulated: bool,
+    /// The version of roomsight that trained it.
+    pub trained_by: String,
+    /// The number of frames it was trained on.
+    pub n_frames: usize,
+    /// The sequences they come from.
+    pub sequences: Vec<String>,
+    /// How well it did on frames that it was not trained on.
+    pub measured: Vec<Measurement>,
+}
+
+/// A rate of correct answers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measurement {
+    /// The frames it was measured on.
+    pub data: String,
+    /// How many.
+    pub n_frames: usize,
+    /// The share answered with the right room, 0 to 1.
+    pub rate: f64,
+}

@@ -1,0 +1,102 @@
+//! What to train: every parameter of a model.
+
+use crate::describe::Descriptor;
+use crate::detect::Detector;
+use crate::{svm, vocabulary};
+use serde::{Deserialize, Serialize};
+
+/// Every parameter of a model. What a file leaves out has its default.
+///
+/// ```
+/// let config: roomsight::model::Config = toml::from_str(
+///     "representation = { kind = 'bag', n_words = 1000 }
+///      [detector]
+///      kind = 'fast'
+///      threshold = { fixed = 20 }",
+/// ).unwrap();
+/// assert_eq!(config.check(), Ok(()));
+/// ```
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Config {
+    /// Frames whose longest side exceeds this are shrunk to it, in pixels.
+    pub longest_side: usize,
+    /// Seeds everything random: the same frames, configuration and seed give the same model.
+    pub seed: u64,
+    /// How keypoints are found.
+    pub detector: Detector,
+    /// How they are described.
+    pub descriptor: Descriptor,
+    /// How a frame's descriptors become one row of numbers.
+    pub representation: Representation,
+    /// How rooms are told apart by it.
+    pub classifier: Classifier,
+    /// How decision values become probabilities.
+    pub calibration: CalibrationConfig,
+}
+
+/// How a frame's descriptors become one row of numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Representation {
+    /// How often each word of a vocabulary occurs.
+    Bag(vocabulary::Config),
+}
+
+/// How rooms are told apart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Classifier {
+    /// Support vector machines with the linear kernel.
+    LinearSvm(svm::Config),
+}
+
+/// How decision values become probabilities.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct CalibrationConfig {
+    /// Training frames are dealt into this many folds, whole sequences where there are several; each fold
+    /// is answered by a model that was trained without it. At least 2.
+    pub n_folds: usize,
+    /// An answer counts as known when held-out answers at least as probable were right this often, from 0
+    /// to 1.
+    pub known_precision: f32,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            longest_side: 640,
+            seed: 0,
+            detector: Detector::default(),
+            descriptor: Descriptor::default(),
+            representation: Representation::Bag(vocabulary::Config::default()),
+            classifier: Classifier::LinearSvm(svm::Config::default()),
+            calibration: CalibrationConfig::default(),
+        }
+    }
+}
+
+impl Default for CalibrationConfig {
+    fn default() -> Self {
+        Self { n_folds: 5, known_precision: 0.9 }
+    }
+}
+
+impl Config {
+    /// What is wrong with the parameters, if anything.
+    pub fn check(&self) -> Result<(), String> {
+        if !(16..=8192).contains(&self.longest_side) {
+            return Err(format!("longest_side must be from 16 to 8192 pixels, not {}", self.longest_side));
+        }
+        if !(2..=100).contains(&self.calibration.n_folds) {
+            return Err(format!("n_folds must be from 2 to 100, not {}", self.calibration.n_folds));
+        }
+        if !(0.0..=1.0).contains(&self.calibration.known_precision) {
+            return Err("known_precision must be from 0 to 1".to_owned());
+        }
+        self.descriptor.check()?;
+        let Representation::Bag(vocabulary) = &self.representation;
+        vocabulary.check()
+    }
+}

@@ -1,0 +1,64 @@
+//! A frame to keypoints and descriptors: what training and recognition have in common.
+
+use super::Config;
+use crate::camera::{Camera, View};
+use crate::describe::Descriptor;
+use crate::detect::{Detector, Keypoint};
+use crate::image::Image;
+use crate::matrix::Matrix;
+
+/// Finds and describes keypoints as a model was configured to.
+#[derive(Clone, Debug)]
+pub struct Extractor {
+    longest_side: usize,
+    detector: Detector,
+    descriptor: Descriptor,
+    camera: Camera,
+}
+
+/// What a frame shows, before it is classified.
+#[derive(Clone, Debug)]
+pub struct Features {
+    /// Keypoints in pixels of the frame at working size.
+    pub keypoints: Vec<Keypoint>,
+    /// One row a keypoint.
+    pub descriptors: Matrix,
+    /// Pixels of the frame as it came for one pixel at working size, at least 1.
+    pub scale: f32,
+}
+
+/// Working memory of one thread, reused from frame to frame.
+#[derive(Debug, Default)]
+pub struct Scratch {
+    /// The valid region for the last frame's size.
+    view: Option<View>,
+}
+
+impl Extractor {
+    /// What `config` says, for frames of `camera`.
+    pub fn new(config: &Config, camera: Camera) -> Self {
+        Self {
+            longest_side: config.longest_side,
+            detector: config.detector.clone(),
+            descriptor: config.descriptor.clone(),
+            camera,
+        }
+    }
+
+    /// The camera whose frames it takes.
+    pub fn camera(&self) -> &Camera {
+        &self.camera
+    }
+
+    /// The keypoints of a frame and their descriptors. `scratch` is for frames of this extractor only.
+    pub fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
+        let shrunk = image.shrink_to(self.longest_side);
+        let scaled = shrunk.as_ref().unwrap_or(image);
+        let size = (scaled.width(), scaled.height());
+        let same_size = scratch.view.take().filter(|view| (view.width(), view.height()) == size);
+        let view = scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)));
+        let keypoints = self.detector.detect(scaled, view);
+        let descriptors = self.descriptor.describe(scaled, &keypoints, view);
+        Features { keypoints, descriptors, scale: image.width() as f32 / scaled.width() as f32 }
+    }
+}

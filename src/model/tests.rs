@@ -1,0 +1,225 @@
+use super::*;
+use crate::camera::{CameraKind, Mask, Mirror, Projection};
+use crate::vocabulary;
+use proptest::prelude::*;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Random frames of three rooms: vertical stripes, horizontal stripes, dots, with noise.
+fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
+    let (width, height) = (96, 72);
+    let (shift_x, shift_y) = (random.random_range(0..24), random.random_range(0..24));
+    let pixels = (0..width * height).map(|idx| {
+        let (x, y) = ((idx % width) + shift_x, (idx / width) + shift_y);
+        let bright = match place_idx {
+            0 => x % 24 < 6 && y % 12 < 9,
+            1 => y % 24 < 6 && x % 12 < 9,
+            _ => x % 12 < 4 && y % 12 < 4,
+        };
+        random.random_range(0..6) + if bright { 200 } else { 40 }
+    });
+    Image::from_pixels(width, height, pixels.collect()).unwrap()
+}
+
+fn config() -> Config {
+    let bag = vocabulary::Config { n_words: 12, ..vocabulary::Config::default() };
+    Config { representation: Representation::Bag(bag), ..Config::default() }
+}
+
+fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let extractor = Extractor::new(config, Camera::new(Projection::Perspective));
+    (0..n_frames)
+        .map(|idx| Sample {
+            place: ["stripes", "bars", "dots"][idx % 3].to_owned(),
+            sequence: format!("drive {}", idx % 4),
+            features: extractor.extract(&frame(idx % 3, &mut random), &mut Scratch::default()),
+        })
+        .collect()
+}
+
+fn trained(config: &Config) -> Training {
+    let camera = Camera::new(Projection::Perspective);
+    Model::train(&samples(config, 48, 1), config, camera, |_| ()).unwrap()
+}
+
+#[test]
+fn new_frames_of_known_rooms_are_recognized() {
+    for scheme in [Scheme::OneVsAll, Scheme::OneVsOne] {
+        let svm = crate::svm::Config { scheme, ..crate::svm::Config::default() };
+        let config = Config { classifier: Classifier::LinearSvm(svm), ..config() };
+        let Training { model, held_out } = trained(&config);
+        assert_eq!(model.places(), ["bars", "dots", "stripes"]);
+        assert_eq!(held_out.len(), 48);
+        let mut random = ChaCha8Rng::seed_from_u64(99);
+        for (place_idx, place) in ["stripes", "bars", "dots"].iter().enumerate() {
+            let answer = model.recognize(&frame(place_idx, &mut random), &mut Scratch::default());
+            assert_eq!(&model.places()[answer.place_idx], place, "{answer:?}");
+            assert!((answer.probabilities.iter().sum::<f32>() - 1.0).abs() < 1e-5);
+        }
+        let known = held_out.iter().filter(|answer| answer.recognition.known);
+        let labels = ["stripes", "bars", "dots"];
+        let is_right =
+            |answer: &&HeldOut| model.places()[answer.recognition.place_idx] == labels[answer.sample_idx % 3];
+        let (n_known, n_right) = (known.clone().count(), known.filter(is_right).count());
+        assert!(n_known > 24 && n_right * 10 >= n_known * 9, "{n_right} of {n_known} known");
+    }
+}
+
+#[test]
+fn a_frame_without_keypoints_is_answered_without_knowledge() {
+    let black = Image::from_pixels(96, 72, vec![0; 96 * 72]).unwrap();
+    let answer = trained(&config()).model.recognize(&black, &mut Scratch::default());
+    assert_eq!((answer.n_keypoints, answer.known), (0, false));
+    assert_eq!(answer.probabilities, [1.0 / 3.0; 3]);
+}
+
+#[test]
+fn evidence_sums_to_the_decision_value() {
+    let model = trained(&config()).model;
+    let mut random = ChaCha8Rng::seed_from_u64(5);
+    let features = model.features(&frame(2, &mut random), &mut Scratch::default());
+    let evidence = model.explain(&features, 1);
+    assert_eq!(evidence.len(), features.keypoints.len());
+    let Classification { vocabulary, svm, .. } = &model.classification;
+    let bag = vocabulary.bag(&vocabulary.quantize(&features.descriptors));
+    let sum: f32 = evidence.iter().map(|evidence| evidence.weight).sum();
+    assert!((sum - svm.rho()[1] - svm.decision_values(&bag)[1]).abs() < 1e-3);
+}
+
+#[test]
+fn a_room_of_a_single_frame_can_be_answered_but_not_held_out() {
+    let config = config();
+    let mut samples = samples(&config, 48, 1);
+    samples[0].place = "attic".to_owned();
+    let training = Model::train(&samples, &config, Camera::new(Projection::Perspective), |_| ()).unwrap();
+    assert_eq!(training.model.places().len(), 4);
+    assert!(training.held_out.iter().all(|answer| answer.sample_idx != 0));
+    assert_eq!(training.held_out.len(), 47);
+}
+
+#[test]
+fn training_refuses_what_makes_no_model() {
+    let camera = || Camera::new(Projection::Perspective);
+    let train = |samples: &[Sample], config: &Config| Model::train(samples, config, camera(), |_| ()).err();
+    let config = config();
+    assert!(matches!(train(&[], &config), Some(TrainError::TooFewPlaces(0))));
+    let mut one_place = samples(&config, 9, 1);
+    one_place.iter_mut().for_each(|sample| sample.place = "hall".to_owned());
+    assert!(matches!(train(&one_place, &config), Some(TrainError::TooFewPlaces(1))));
+    let lonely = &samples(&config, 3, 1);
+    assert!(matches!(train(lonely, &config), Some(TrainError::NothingHeldOut)));
+    let absurd = Config { longest_side: 0, ..config };
+    assert!(matches!(train(lonely, &absurd), Some(TrainError::Config(_))));
+}
+
+#[test]
+fn the_file_holds_everything() {
+    let config = config();
+    let mask = Mask::new(Image::from_pixels(3, 2, vec![255, 255, 0, 255, 255, 255]).unwrap());
+    let mirror = Mirror { center_x: 0.5, center_y: 0.4, inner_radius: 0.05, outer_radius: 0.4 };
+    let camera = Camera { projection: Projection::Omnidirectional(mirror), mask: Some(mask) };
+    let training = Model::train(&samples(&config, 48, 1), &config, camera, |_| ()).unwrap();
+    let card = Card { description: "three patterns".to_owned(), ..Card::default() };
+    let model = training.model.with_card(card);
+    let bytes = model.to_bytes().unwrap();
+    let read = Model::from_bytes(&bytes).unwrap();
+    assert_eq!(read.to_bytes().unwrap(), bytes);
+    assert_eq!(read.card(), model.card());
+    assert_eq!(read.camera(), model.camera());
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let frame = frame(1, &mut random);
+    assert_eq!(
+        read.recognize(&frame, &mut Scratch::default()),
+        model.recognize(&frame, &mut Scratch::default())
+    );
+}
+
+#[test]
+fn the_same_seed_gives_the_same_file_for_any_number_of_threads() {
+    let bytes = |n_threads: usize, seed: u64| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n_threads).build().unwrap();
+        pool.install(|| trained(&Config { seed, ..config() }).model.to_bytes().unwrap())
+    };
+    assert_eq!(bytes(1, 7), bytes(3, 7));
+    assert_ne!(bytes(1, 7), bytes(1, 8));
+}
+
+#[test]
+fn folders_are_written_whole_and_damage_is_named() {
+    let place = tempfile::tempdir().unwrap();
+    let folder = place.path().join("lab/1");
+    let model = trained(&config()).model;
+    let golden = GoldenFrame {
+        name: "bars.png".to_owned(),
+        bytes: vec![1, 2, 3],
+        place: "bars".to_owned(),
+        probability: 0.75,
+    };
+    model.save(&folder, std::slice::from_ref(&golden)).unwrap();
+    let loaded = Model::load(&folder).unwrap();
+    assert_eq!(loaded.digest.len(), 64);
+    assert_eq!(loaded.model.places(), model.places());
+    assert_eq!(load_golden_frames(&folder).unwrap(), [golden]);
+    assert_eq!(std::fs::read_dir(place.path().join("lab")).unwrap().count(), 1, "nothing temporary is left");
+    assert!(matches!(model.save(&folder, &[]), Err(SaveError::Exists(_))));
+
+    let file = folder.join("model.safetensors");
+    let mut bytes = std::fs::read(&file).unwrap();
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    std::fs::write(&file, &bytes).unwrap();
+    assert!(Model::load(&folder).unwrap_err().to_string().contains("damaged or replaced"));
+    std::fs::remove_file(folder.join("model.json")).unwrap();
+    assert!(Model::load(&file).unwrap_err().to_string().contains("model.json"));
+}
+
+#[test]
+fn foreign_and_newer_files_are_refused_by_name() {
+    let refusal = |bytes: &[u8]| Model::from_bytes(bytes).unwrap_err().to_string();
+    assert!(refusal(b"").contains("not a roomsight model"));
+    assert!(refusal(&u64::MAX.to_le_bytes()).contains("not a roomsight model"));
+    let foreign = safetensors::serialize::<&str, safetensors::tensor::TensorView, _>([], None).unwrap();
+    assert!(refusal(&foreign).contains("something else"));
+    let bytes = trained(&config()).model.to_bytes().unwrap();
+    let text = b"\\\"format_version\\\":1";
+    let position = bytes.windows(text.len()).position(|window| window == text).unwrap();
+    let mut newer = bytes.clone();
+    newer[position + text.len() - 1] = b'7';
+    assert!(refusal(&newer).contains("format version 7"));
+}
+
+#[test]
+fn every_camera_kind_has_a_projection_name() {
+    for (kind, name) in [
+        (CameraKind::Perspective, "perspective"),
+        (CameraKind::Equirectangular, "equirectangular"),
+        (CameraKind::Omnidirectional, "omnidirectional"),
+    ] {
+        assert_eq!(serde_json::to_value(kind).unwrap(), name);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+    #[test]
+    fn damaged_files_never_panic(
+        edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..6),
+        length in any::<prop::sample::Index>(), cut in any::<bool>(), in_header in any::<bool>(),
+    ) {
+        static BYTES: std::sync::OnceLock<Vec<u8>> = std::sync::OnceLock::new();
+        let mut bytes = BYTES.get_or_init(|| trained(&config()).model.to_bytes().unwrap()).clone();
+        let reach = if in_header { 2500 } else { bytes.len() };
+        for (position, value) in edits {
+            bytes[position.index(reach)] = value;
+        }
+        if cut {
+            bytes.truncate(length.index(bytes.len()));
+        }
+        if let Ok(model) = Model::from_bytes(&bytes) {
+            let mut random = ChaCha8Rng::seed_from_u64(1);
+            let answer = model.recognize(&frame(0, &mut random), &mut Scratch::default());
+            prop_assert!(answer.place_idx < model.places().len());
+        }
+    }
+}

@@ -1,0 +1,285 @@
+//! Labeled frames to a model.
+
+use super::{
+    Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition, Representation,
+};
+use crate::camera::Camera;
+use crate::folds::folds;
+use crate::matrix::Matrix;
+use crate::svm::{self, Calibration, LinearSvm, Scheme, SvmError};
+use crate::vocabulary::{Vocabulary, VocabularyError};
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+
+/// One labeled frame, described.
+#[derive(Clone, Debug)]
+pub struct Sample {
+    /// The room that it shows.
+    pub place: String,
+    /// The drive that it comes from; empty when unknown.
+    pub sequence: String,
+    /// What an [`Extractor`] of the model's configuration and camera found.
+    pub features: Features,
+}
+
+/// A model and how it did on frames it had not seen.
+#[derive(Debug)]
+pub struct Training {
+    /// The model, trained on all samples.
+    pub model: Model,
+    /// Answers to samples by models trained without the sample's fold.
+    pub held_out: Vec<HeldOut>,
+}
+
+/// The answer to a sample by a model trained and calibrated without it.
+#[derive(Clone, Debug)]
+pub struct HeldOut {
+    /// Which sample.
+    pub sample_idx: usize,
+    /// The answer; its places are [`Model::places`].
+    pub recognition: Recognition,
+}
+
+/// What training is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TrainingStep {
+    /// Steps done.
+    pub n_done: usize,
+    /// All steps.
+    pub n_steps: usize,
+}
+
+/// Why no model was made.
+#[derive(Debug, thiserror::Error)]
+pub enum TrainError {
+    /// A parameter makes no sense.
+    #[error("the configuration is wrong: {0}")]
+    Config(String),
+    /// Fewer than two rooms.
+    #[error("a model needs frames of at least two rooms; these show {0}")]
+    TooFewPlaces(usize),
+    /// No fold could be held out.
+    #[error(
+        "no room has two frames, so none can be held out to measure probabilities: take more frames a room"
+    )]
+    NothingHeldOut,
+    /// No vocabulary.
+    #[error(transparent)]
+    Vocabulary(#[from] VocabularyError),
+    /// No support vector machine.
+    #[error(transparent)]
+    Svm(#[from] SvmError),
+}
+
+impl Model {
+    /// Trains on samples that were described by `extractor`, which was made from the same `config`.
+    ///
+    /// Probabilities are calibrated on held-out folds; see [`crate::folds`]. The result depends on the
+    /// arguments alone. `progress` is called before each step.
+    pub fn train(
+        samples: &[Sample],
+        config: &Config,
+        camera: Camera,
+        mut progress: impl FnMut(TrainingStep),
+    ) -> Result<Training, TrainError> {
+        config.check().map_err(TrainError::Config)?;
+        let names: BTreeSet<&str> = samples.iter().map(|sample| sample.place.as_str()).collect();
+        let places: Vec<String> = names.into_iter().map(str::to_owned).collect();
+        if places.len() < 2 {
+            return Err(TrainError::TooFewPlaces(places.len()));
+        }
+        let labels: Vec<usize> =
+            samples.iter().map(|sample| places.binary_search(&sample.place).unwrap_or_default()).collect();
+        let trainer = Trainer { samples, labels: &labels, n_places: places.len(), config };
+
+        let folds = trainer.folds();
+        let n_folds = folds.iter().max().map_or(0, |last| last + 1);
+        let n_steps = n_folds + 1;
+        let mut decisions = Vec::new();
+        for fold in 0..n_folds {
+            progress(TrainingStep { n_done: fold, n_steps });
+            decisions.extend(trainer.decide_held_out(&folds, fold)?);
+        }
+        let held_out = trainer.recognize_held_out(&folds, &decisions)?;
+        progress(TrainingStep { n_done: n_folds, n_steps });
+
+        let (vocabulary, svm) = trainer.fit(&(0..samples.len()).collect::<Vec<_>>())?;
+        let calibration = trainer.calibrate(decisions.iter())?;
+        let known_probability = trainer.known_probability(&held_out);
+        let classification = Classification { vocabulary, svm, calibration, known_probability };
+        let held_out = held_out.into_iter().map(|mut answer| {
+            answer.recognition.known = answer.recognition.probability() >= known_probability;
+            answer
+        });
+        let held_out: Vec<HeldOut> = held_out.collect();
+        let model = Self {
+            config: config.clone(),
+            places,
+            extractor: Extractor::new(config, camera),
+            classification,
+            card: Card::default(),
+        };
+        progress(TrainingStep { n_done: n_steps, n_steps });
+        Ok(Training { model, held_out })
+    }
+}
+
+struct Trainer<'a> {
+    samples: &'a [Sample],
+    /// One class a sample.
+    labels: &'a [usize],
+    n_places: usize,
+    config: &'a Config,
+}
+
+/// The decision values for a sample by machines trained without its fold.
+struct Decision {
+    sample_idx: usize,
+    values: Vec<f32>,
+}
+
+impl Trainer<'_> {
+    fn folds(&self) -> Vec<usize> {
+        let sequences: Vec<&str> = self.samples.iter().map(|sample| sample.sequence.as_str()).collect();
+        folds(&sequences, self.labels, self.config.calibration.n_folds, self.config.seed)
+    }
+
+    fn svm_config(&self) -> &svm::Config {
+        let Classifier::LinearSvm(config) = &self.config.classifier;
+        config
+    }
+
+    /// A vocabulary and a machine trained on the samples of these indices. Classes that have none among
+    /// them get the machines of [`spread_out`].
+    fn fit(&self, sample_idxs: &[usize]) -> Result<(Vocabulary, LinearSvm), TrainError> {
+        let Representation::Bag(config) = &self.config.representation;
+        let descriptors: Vec<&Matrix> =
+            sample_idxs.iter().map(|&idx| &self.samples[idx].features.descriptors).collect();
+        let vocabulary = Vocabulary::train(&descriptors, config, self.config.seed)?;
+        let bags: Vec<Vec<f32>> = sample_idxs.par_iter().map(|&idx| self.bag(&vocabulary, idx)).collect();
+        let mut rows = Matrix::new(vocabulary.n_words());
+        bags.iter().for_each(|bag| rows.push_row(bag));
+        let labels: Vec<usize> = sample_idxs.iter().map(|&idx| self.labels[idx]).collect();
+        let present: Vec<usize> = labels.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
+        let dense: Vec<usize> =
+            labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
+        let svm = LinearSvm::train(&rows, &dense, present.len(), self.svm_config())?;
+        let svm =
+            if present.len() == self.n_places { svm } else { spread_out(&svm, &present, self.n_places)? };
+        Ok((vocabulary, svm))
+    }
+
+    fn bag(&self, vocabulary: &Vocabulary, sample_idx: usize) -> Vec<f32> {
+        vocabulary.bag(&vocabulary.quantize(&self.samples[sample_idx].features.descriptors))
+    }
+
+    /// Samples of rooms that occur in no other fold cannot be answered, and samples without a keypoint say
+    /// nothing of the machines: both are left out.
+    fn decide_held_out(&self, folds: &[usize], fold: usize) -> Result<Vec<Decision>, TrainError> {
+        let (held_out, training): (Vec<usize>, Vec<usize>) =
+            (0..folds.len()).partition(|&sample_idx| folds[sample_idx] == fold);
+        let known: BTreeSet<usize> = training.iter().map(|&idx| self.labels[idx]).collect();
+        let answerable = |idx: &&usize| {
+            known.contains(&self.labels[**idx]) && !self.samples[**idx].features.keypoints.is_empty()
+        };
+        let held_out: Vec<usize> = held_out.iter().filter(answerable).copied().collect();
+        if held_out.is_empty() || known.len() < 2 {
+            return Ok(Vec::new());
+        }
+        let (vocabulary, svm) = self.fit(&training)?;
+        let decide = |&sample_idx: &usize| Decision {
+            sample_idx,
+            values: svm.decision_values(&self.bag(&vocabulary, sample_idx)),
+        };
+        Ok(held_out.par_iter().map(decide).collect())
+    }
+
+    fn calibrate<'d>(
+        &self,
+        decisions: impl Iterator<Item = &'d Decision>,
+    ) -> Result<Calibration, TrainError> {
+        let scheme = self.svm_config().scheme;
+        let mut values = Matrix::new(scheme.n_machines(self.n_places));
+        let mut labels = Vec::new();
+        for decision in decisions {
+            values.push_row(&decision.values);
+            labels.push(self.labels[decision.sample_idx]);
+        }
+        if labels.is_empty() {
+            return Err(TrainError::NothingHeldOut);
+        }
+        Ok(Calibration::fit(scheme, &values, &labels, self.n_places)?)
+    }
+
+    /// Each fold's answers, calibrated on the other folds; on all where there is only one.
+    fn recognize_held_out(
+        &self,
+        folds: &[usize],
+        decisions: &[Decision],
+    ) -> Result<Vec<HeldOut>, TrainError> {
+        let fold_of = |decision: &Decision| folds[decision.sample_idx];
+        let answered: BTreeSet<usize> = decisions.iter().map(fold_of).collect();
+        let mut held_out = Vec::with_capacity(decisions.len());
+        for &fold in &answered {
+            let others = |decision: &&Decision| fold_of(decision) != fold || answered.len() == 1;
+            let calibration = self.calibrate(decisions.iter().filter(others))?;
+            for decision in decisions.iter().filter(|decision| fold_of(decision) == fold) {
+                let probabilities = calibration.probabilities(&decision.values);
+                let place_idx = svm::most_probable(&probabilities);
+                let n_keypoints = self.samples[decision.sample_idx].features.keypoints.len();
+                let recognition = Recognition { place_idx, known: false, probabilities, n_keypoints };
+                held_out.push(HeldOut { sample_idx: decision.sample_idx, recognition });
+            }
+        }
+        held_out.sort_by_key(|answer| answer.sample_idx);
+        Ok(held_out)
+    }
+
+    /// The lowest probability from which on held-out answers were right often enough; 1 when there is none.
+    fn known_probability(&self, held_out: &[HeldOut]) -> f32 {
+        let mut answers: Vec<(f32, bool)> = held_out
+            .iter()
+            .map(|answer| {
+                let correct = answer.recognition.place_idx == self.labels[answer.sample_idx];
+                (answer.recognition.probability(), correct)
+            })
+            .collect();
+        answers.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mut n_correct = 0;
+        let mut lowest = 1.0;
+        for (rank, &(probability, correct)) in answers.iter().enumerate() {
+            n_correct += usize::from(correct);
+            if n_correct as f32 >= self.config.calibration.known_precision * (rank + 1) as f32 {
+                lowest = probability;
+            }
+        }
+        lowest
+    }
+}
+
+/// The same machines among more classes. A machine of a class that was not trained says a clear no (-1); a
+/// machine for a pair with such a class is undecided (0).
+fn spread_out(svm: &LinearSvm, present: &[usize], n_classes: usize) -> Result<LinearSvm, SvmError> {
+    let scheme = svm.scheme();
+    let trained = |class: usize| present.binary_search(&class).ok();
+    let machines: Vec<Option<usize>> = match scheme {
+        Scheme::OneVsAll => (0..n_classes).map(trained).collect(),
+        Scheme::OneVsOne => {
+            let n_present = present.len();
+            let machine = |a: usize, b: usize| a * (2 * n_present - a - 1) / 2 + b - a - 1;
+            (0..n_classes)
+                .flat_map(|a| (a + 1..n_classes).map(move |b| (a, b)))
+                .map(|(a, b)| Some(machine(trained(a)?, trained(b)?)))
+                .collect()
+        }
+    };
+    let untrained_rho = if scheme == Scheme::OneVsAll { 1.0 } else { 0.0 };
+    let mut weights = Matrix::new(svm.n_features());
+    let no_weights = vec![0.0; svm.n_features()];
+    machines.iter().for_each(|machine| {
+        weights.push_row(machine.map_or(no_weights.as_slice(), |machine| svm.weights().row(machine)));
+    });
+    let rho = machines.iter().map(|machine| machine.map_or(untrained_rho, |machine| svm.rho()[machine]));
+    let n_support_vectors = machines.iter().map(|machine| machine.map_or(0, |m| svm.n_support_vectors()[m]));
+    LinearSvm::from_parts(scheme, n_classes, weights, rho.collect(), n_support_vectors.collect())
+}
