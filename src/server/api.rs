@@ -287,7 +287,7 @@ impl Answer {
                 name: served.name.clone(),
                 version: served.version,
                 epoch: served.epoch,
-                digest: served.model.digest().chars().take(DIGEST_PREFIX).collect(),
+                digest: served.digest.chars().take(DIGEST_PREFIX).collect(),
             },
             keypoints: recognition.n_keypoints,
             timings_ms: TimingsMs::from(seen.timings),
@@ -377,7 +377,7 @@ impl VersionInfo {
                 info.state = VersionState::Ready;
                 info.labels = vec![STABLE.to_owned()];
                 info.epoch = Some(served.epoch);
-                info.digest = Some(served.model.digest().to_owned());
+                info.digest = Some(served.digest.clone());
                 info.rooms = Some(served.model.places().to_vec());
             }
         }
@@ -387,7 +387,7 @@ impl VersionInfo {
     /// The same with the model's card.
     pub fn with_card(version: u64, state: &State) -> Self {
         let card = match state {
-            State::Ready(served) => Some(served.model.card()),
+            State::Ready(served) => serde_json::to_value(served.model.card()).ok(),
             State::Discovered | State::Failed(_) => None,
         };
         Self { card, ..Self::new(version, state) }

@@ -18,8 +18,7 @@ use tracing::{Instrument, info_span};
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const MAX_ID_BYTES: usize = 64;
 /// What the documentation page needs, and nothing from elsewhere.
-const CONTENT_POLICY: &str =
-    "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'";
+const CONTENT_POLICY: &str = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'";
 
 /// Makes the ids of requests that bring none: a part for this process, and a number.
 pub struct RequestIds {

@@ -1,7 +1,5 @@
 //! The threads that recognize, and the bounded queue before them.
 
-use crate::model::Scratch;
-use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -70,16 +68,16 @@ impl Pool {
         if self.slots.available_permits() > 0 { Ok(()) } else { Err(self.full()) }
     }
 
-    /// Queues `job` at once; the future waits for its answer. The job gets the thread's working
-    /// memory and a question it may ask: has the caller left? It is not started for a caller that
-    /// left while it waited, that is, who dropped the future.
+    /// Queues `job` at once; the future waits for its answer. The job gets a question it may ask: has
+    /// the caller left? It is not started for a caller that left while it waited, that is, who dropped
+    /// the future.
     pub fn run<T: Send + 'static, J>(
         &self,
         slot: Slot,
         job: J,
     ) -> impl Future<Output = Result<T, Panicked>> + use<T, J>
     where
-        J: FnOnce(&mut Scratch, &dyn Fn() -> bool) -> T + Send + 'static,
+        J: FnOnce(&dyn Fn() -> bool) -> T + Send + 'static,
     {
         let (sender, receiver) = oneshot::channel();
         let service_time = self.service_time.clone();
@@ -88,7 +86,7 @@ impl Pool {
                 return;
             }
             let started = Instant::now();
-            let answer = with_scratch(|scratch| job(scratch, &|| sender.is_closed()));
+            let answer = job(&|| sender.is_closed());
             service_time.record(started.elapsed());
             // The slot is free before the caller can know, so that its next frame finds it free.
             drop(slot);
@@ -108,15 +106,6 @@ impl Pool {
 /// How long `n_ahead` jobs of `service_time` keep `n_threads` threads busy.
 fn expected_wait(n_ahead: usize, service_time: Duration, n_threads: usize) -> Duration {
     service_time.mul_f64(n_ahead as f64 / n_threads.max(1) as f64).min(LONGEST_WAIT)
-}
-
-/// Lends this thread's working memory. A job that panics takes it along: the next starts afresh.
-fn with_scratch<T>(job: impl FnOnce(&mut Scratch) -> T) -> T {
-    thread_local!(static SCRATCH: Cell<Scratch> = Cell::default());
-    let mut scratch = SCRATCH.take();
-    let answer = job(&mut scratch);
-    SCRATCH.set(scratch);
-    answer
 }
 
 /// A moving average, in nanoseconds.
@@ -153,7 +142,7 @@ mod tests {
         let task = tokio::spawn({
             let pool = pool.clone();
             async move {
-                let job = move |_: &mut Scratch, _: &dyn Fn() -> bool| {
+                let job = move |_: &dyn Fn() -> bool| {
                     let _ = started.send(());
                     let _ = released.recv();
                 };
@@ -181,7 +170,7 @@ mod tests {
     #[tokio::test]
     async fn a_panic_is_an_error_of_its_job_and_frees_the_slot() {
         let pool = Pool::new(1, 0).unwrap();
-        let result: Result<(), _> = pool.run(slot(&pool), |_, _| panic!("broken on purpose")).await;
+        let result: Result<(), _> = pool.run(slot(&pool), |_| panic!("broken on purpose")).await;
         assert_eq!(result, Err(Panicked));
         tokio::time::timeout(Duration::from_secs(5), async {
             while pool.has_room().is_err() {
@@ -190,7 +179,7 @@ mod tests {
         })
         .await
         .unwrap();
-        assert_eq!(pool.run(slot(&pool), |_, _| 7).await, Ok(7));
+        assert_eq!(pool.run(slot(&pool), |_| 7).await, Ok(7));
     }
 
     #[tokio::test]
@@ -198,7 +187,7 @@ mod tests {
         let pool = Pool::new(1, 0).unwrap();
         for _ in 0..200 {
             let slot = slot(&pool);
-            pool.run(slot, |_, _| ()).await.unwrap();
+            pool.run(slot, |_| ()).await.unwrap();
         }
     }
 
@@ -206,11 +195,11 @@ mod tests {
     async fn nothing_is_done_for_a_caller_that_left_while_waiting() {
         let (pool, release, task) = busy_pool(2).await;
         let (ran, has_run) = mpsc::channel();
-        let waiting = pool.run(slot(&pool), move |_, _| ran.send(()));
+        let waiting = pool.run(slot(&pool), move |_| ran.send(()));
         assert!(tokio::time::timeout(Duration::from_millis(20), waiting).await.is_err());
         drop(release);
         task.await.unwrap();
-        pool.run(slot(&pool), |_, _| ()).await.unwrap();
+        pool.run(slot(&pool), |_| ()).await.unwrap();
         assert!(has_run.try_recv().is_err());
     }
 
@@ -218,7 +207,7 @@ mod tests {
     async fn a_running_job_hears_that_its_caller_left() {
         let pool = Pool::new(1, 0).unwrap();
         let (tell, told) = mpsc::channel();
-        let running = pool.run(slot(&pool), move |_, has_left| {
+        let running = pool.run(slot(&pool), move |has_left| {
             while !has_left() {
                 std::thread::yield_now();
             }
@@ -236,8 +225,7 @@ mod tests {
         for job_idx in 0..20 {
             let (pool, order) = (pool.clone(), order.clone());
             let slot = slot(&pool);
-            waiting
-                .spawn(async move { pool.run(slot, move |_, _| order.lock().unwrap().push(job_idx)).await });
+            waiting.spawn(async move { pool.run(slot, move |_| order.lock().unwrap().push(job_idx)).await });
             tokio::task::yield_now().await;
         }
         drop(release);

@@ -5,9 +5,15 @@ use super::body::Frame;
 use super::pool::{Panicked, Slot};
 use super::registry::ServedModel;
 use crate::image::{Image, ImageError, Limits};
-use crate::model::{Evidence, Model, Recognition, Scratch};
-use std::sync::Arc;
+use crate::model::{Evidence, GoldenFrame, Model, Recognition, Scratch};
+use std::cell::Cell;
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
+use tokio::sync::oneshot;
+use tokio::time::timeout_at;
+
+/// How far the probability of a golden frame may be from the one when the model was saved.
+const PROBABILITY_TOLERANCE: f32 = 0.01;
 
 /// What to do with a frame. One model recognizes it from start to end.
 #[derive(Clone, Debug)]
@@ -63,7 +69,8 @@ pub enum RecognizeError {
     Panicked(#[from] Panicked),
 }
 
-/// Queues one frame in the slot it was admitted with; the future waits for what is seen in it.
+/// Queues one frame in the slot it was admitted with; the future waits for what is seen in it. A
+/// deadline that passes while the frame waits is told at once.
 pub fn recognize(
     app: &App,
     slot: Slot,
@@ -72,46 +79,88 @@ pub fn recognize(
 ) -> impl Future<Output = Result<Seen, RecognizeError>> + use<> {
     let limits = app.settings.frame_limits();
     let queued = Instant::now();
+    let deadline = task.deadline;
+    let (start, started) = oneshot::channel();
     let span = tracing::Span::current();
-    let answer = app.pool.run(slot, move |scratch, has_left| {
+    let answer = app.pool.run(slot, move |has_left| {
         let _entered = span.enter();
         let queue = queued.elapsed();
-        if task.deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+        if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
             return Err(RecognizeError::DeadlinePassed);
         }
+        let _ = start.send(());
         let (image, decode) = timed(|| Image::decode(&frame.bytes, &limits));
         let image = image?;
         drop(frame);
         if has_left() {
             return Err(RecognizeError::CallerLeft);
         }
-        let mut seen = see(task, &image, scratch);
+        let mut seen = see(task, &image);
         seen.timings.queue = queue;
         seen.timings.decode = decode;
         Ok(seen)
     });
-    async { answer.await? }
+    async move {
+        if let Some(deadline) = deadline
+            && timeout_at(deadline.into(), started).await.is_err()
+        {
+            return Err(RecognizeError::DeadlinePassed);
+        }
+        answer.await?
+    }
 }
 
-/// Sends a drawn frame through decoding and recognition, so that a model that cannot answer is
-/// known before a robot finds out.
-pub fn warm(model: &Model) -> Result<(), String> {
-    let image = Image::decode(&drawn_frame(), &Limits::default()).map_err(|error| error.to_string())?;
-    let recognition = model.recognize(&image, &mut Scratch::default());
-    let sum: f32 = recognition.probabilities.iter().sum();
-    if recognition.probabilities.len() != model.places().len() || (sum - 1.0).abs() > 0.01 {
-        return Err(format!("the probabilities of a first frame sum to {sum}"));
+/// Sends frames through decoding and recognition before a robot does: the golden ones of the model's
+/// folder, which must be answered as when it was saved, or else a drawn one.
+pub fn warm(model: &Model, golden_frames: &[GoldenFrame]) -> Result<(), String> {
+    if golden_frames.is_empty() {
+        return answer_of(model, &drawn_frame()).map(|_| ());
+    }
+    for golden in golden_frames {
+        let answer =
+            answer_of(model, &golden.bytes).map_err(|reason| format!("{}: {reason}", golden.name))?;
+        let place = &model.places()[answer.place_idx];
+        let probability = answer.probability();
+        if *place != golden.place || (probability - golden.probability).abs() > PROBABILITY_TOLERANCE {
+            let GoldenFrame { name, place: expected, probability: expected_probability, .. } = golden;
+            return Err(format!(
+                "the golden frame {name} is answered with {place} ({probability:.3}), \
+                 not with {expected} ({expected_probability:.3})"
+            ));
+        }
     }
     Ok(())
 }
 
-fn see(task: Task, image: &Image, scratch: &mut Scratch) -> Seen {
+fn answer_of(model: &Model, bytes: &[u8]) -> Result<Recognition, String> {
+    let image = Image::decode(bytes, &Limits::default()).map_err(|error| error.to_string())?;
+    Ok(model.recognize(&image, &mut Scratch::default()))
+}
+
+fn see(task: Task, image: &Image) -> Seen {
     let model = &task.served.model;
-    let (features, features_time) = timed(|| model.features(image, scratch));
+    let (features, features_time) =
+        timed(|| with_scratch(&task.served, |scratch| model.features(image, scratch)));
     let (recognition, classify) = timed(|| model.classify(&features));
     let evidence = task.explain.then(|| model.explain(&features, recognition.place_idx));
     let timings = Timings { features: features_time, classify, ..Timings::default() };
     Seen { recognition, evidence, timings, served: task.served }
+}
+
+/// Lends this thread's working memory for frames of one model. A job that panics takes the memory
+/// along, so that nothing half-written is used again.
+fn with_scratch<T>(served: &Arc<ServedModel>, work: impl FnOnce(&mut Scratch) -> T) -> T {
+    thread_local!(static SCRATCHES: Cell<Vec<(Weak<ServedModel>, Scratch)>> = const { Cell::new(Vec::new()) });
+    let mut scratches = SCRATCHES.take();
+    scratches.retain(|(owner, _)| owner.strong_count() > 0);
+    let is_ours = |(owner, _): &(Weak<ServedModel>, Scratch)| owner.as_ptr() == Arc::as_ptr(served);
+    let scratch_idx = scratches.iter().position(is_ours).unwrap_or_else(|| {
+        scratches.push((Arc::downgrade(served), Scratch::default()));
+        scratches.len() - 1
+    });
+    let result = work(&mut scratches[scratch_idx].1);
+    SCRATCHES.set(scratches);
+    result
 }
 
 /// A PGM of 320 x 240 pixels with blocks of many greys, so that corners are found in it.

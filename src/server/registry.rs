@@ -2,7 +2,7 @@
 //!
 //! What is found at the start stays; a version that comes while the service runs is not looked at.
 
-use crate::model::Model;
+use crate::model::{GoldenFrame, LoadError, LoadedModel, Model, load_golden_frames};
 use std::collections::BTreeMap;
 use std::fmt;
 use std::fs;
@@ -66,6 +66,8 @@ pub struct ServedModel {
     pub epoch: u64,
     /// The model itself.
     pub model: Model,
+    /// The BLAKE3 digest of its file, 64 hexadecimal digits.
+    pub digest: String,
 }
 
 /// Which version of a model a caller asks for.
@@ -141,7 +143,7 @@ impl Registry {
     pub fn open(
         folder: &Path,
         default_name: &str,
-        warm: impl Fn(&Model) -> Result<(), String>,
+        warm: impl Fn(&Model, &[GoldenFrame]) -> Result<(), String>,
     ) -> Result<Self, RegistryError> {
         let unreadable = |error| RegistryError::Unreadable(folder.to_owned(), error);
         let mut models = BTreeMap::new();
@@ -267,7 +269,7 @@ fn is_name(name: &str) -> bool {
 fn load_highest(
     name: &str,
     paths: &BTreeMap<u64, PathBuf>,
-    warm: impl Fn(&Model) -> Result<(), String>,
+    warm: impl Fn(&Model, &[GoldenFrame]) -> Result<(), String>,
 ) -> Versions {
     let mut versions = Versions::new();
     for (&version, path) in paths.iter().rev() {
@@ -275,9 +277,10 @@ fn load_highest(
             State::Discovered
         } else {
             match load(path, &warm) {
-                Ok(model) => {
-                    tracing::info!(model = name, version, digest = model.digest(), "serves");
-                    State::Ready(Arc::new(ServedModel { name: name.to_owned(), version, epoch: 1, model }))
+                Ok(LoadedModel { model, digest }) => {
+                    tracing::info!(model = name, version, digest, "serves");
+                    let name = name.to_owned();
+                    State::Ready(Arc::new(ServedModel { name, version, epoch: 1, model, digest }))
                 }
                 Err(failure) => {
                     tracing::error!(model = name, version, path = %path.display(), %failure, "does not serve");
@@ -290,11 +293,20 @@ fn load_highest(
     versions
 }
 
-fn load(path: &Path, warm: impl Fn(&Model) -> Result<(), String>) -> Result<Model, Failure> {
-    let model =
-        Model::load(path).map_err(|error| Failure { stage: Stage::Loading, reason: error.to_string() })?;
-    warm(&model).map_err(|reason| Failure { stage: Stage::Warming, reason })?;
-    Ok(model)
+fn load(
+    path: &Path,
+    warm: impl Fn(&Model, &[GoldenFrame]) -> Result<(), String>,
+) -> Result<LoadedModel, Failure> {
+    let loaded = Model::load(path).map_err(loading_failed)?;
+    let golden_frames = load_golden_frames(path).map_err(loading_failed)?;
+    warm(&loaded.model, &golden_frames).map_err(|reason| Failure { stage: Stage::Warming, reason })?;
+    Ok(loaded)
+}
+
+/// Callers may read the reason: it names the file, not where it lies.
+fn loading_failed(LoadError { path, reason }: LoadError) -> Failure {
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
+    Failure { stage: Stage::Loading, reason: format!("{file}: {reason}") }
 }
 
 fn nothing_serves(folder: &Path, models: &BTreeMap<String, Versions>) -> RegistryError {

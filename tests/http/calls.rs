@@ -70,6 +70,7 @@ async fn an_answer_carries_all_that_is_promised() {
     assert_eq!(answer["probability"], rooms[0]["probability"]);
     assert!(probabilities.is_sorted_by(|a, b| a >= b), "{probabilities:?}");
     assert!((probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-3, "{probabilities:?}");
+    assert!(answer["evidence"][0]["weight"].is_f64(), "{answer}");
     assert!(answer["known"].is_boolean() && answer["keypoints"].is_u64() && answer["evidence"].is_array());
     assert_eq!(answer["model"]["name"], "lab");
     assert_eq!(answer["model"]["version"], 1);

@@ -1,11 +1,16 @@
 //! A service on a loopback port, and what is sent to it.
 
+use roomsight::camera::{Camera, Projection};
+use roomsight::image::{Image, Limits};
+use roomsight::model::{Config, Extractor, Model, Representation, Sample, Scratch};
 use roomsight::server::{App, Settings, serve};
+use roomsight::vocabulary;
 use serde_json::Value;
 use std::fs;
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
+use std::sync::LazyLock;
 use std::time::Duration;
 use tempfile::TempDir;
 use tokio::net::TcpListener;
@@ -82,16 +87,48 @@ pub fn models() -> TempDir {
     folder
 }
 
-/// Writes a small model into a folder of its own.
+/// Writes a small model into a new folder.
 pub fn write_model(folder: &Path) {
-    fs::create_dir_all(folder).expect("a folder");
-    fs::write(folder.join("model.safetensors"), "").expect("a file");
+    static MODEL: LazyLock<Model> = LazyLock::new(train);
+    MODEL.save(folder, &[]).expect("the model is saved");
+}
+
+/// Trains on stripes, bars and dots.
+fn train() -> Model {
+    let bag = vocabulary::Config { n_words: 12, ..vocabulary::Config::default() };
+    let config = Config { representation: Representation::Bag(bag), ..Config::default() };
+    let camera = Camera::new(Projection::Perspective);
+    let extractor = Extractor::new(&config, camera.clone());
+    let sample = |idx: u32| {
+        let image = Image::decode(&room(idx % 3, idx * 7), &Limits::default()).expect("an image");
+        Sample {
+            place: ["stripes", "bars", "dots"][idx as usize % 3].to_owned(),
+            sequence: format!("drive {}", idx % 4),
+            features: extractor.extract(&image, &mut Scratch::default()),
+        }
+    };
+    let samples: Vec<Sample> = (0..48).map(sample).collect();
+    Model::train(&samples, &config, camera, |_| ()).expect("a model").model
+}
+
+/// A frame of the room stripes, bars or dots, seen from somewhere.
+pub fn room(place_idx: u32, shift: u32) -> Vec<u8> {
+    pgm(96, 72, |column, row| {
+        let (x, y) = (column + shift % 24, row + shift / 24 % 24);
+        let is_bright = match place_idx {
+            0 => x % 24 < 6 && y % 12 < 9,
+            1 => y % 24 < 6 && x % 12 < 9,
+            _ => x % 12 < 4 && y % 12 < 4,
+        };
+        if is_bright { 200 } else { 40 + ((column * 31 + row * 17 + shift) % 5) as u8 }
+    })
 }
 
 /// A file that claims to be a model.
 pub fn write_damaged_model(folder: &Path) {
     fs::create_dir_all(folder).expect("a folder");
     fs::write(folder.join("model.safetensors"), "not a model").expect("a file");
+    fs::write(folder.join("model.json"), r#"{"blake3":"0"}"#).expect("a file");
 }
 
 pub fn client() -> reqwest::Client {
@@ -124,7 +161,7 @@ pub fn pgm(width: u32, height: u32, pixel: impl Fn(u32, u32) -> u8) -> Vec<u8> {
 
 /// A small frame with corners in it.
 pub fn frame() -> Vec<u8> {
-    pgm(160, 120, |column, row| ((column / 10 * 89 + row / 10 * 151) % 256) as u8)
+    room(0, 0)
 }
 
 /// Reads an answer that must be an error of this status and kind; returns it.
@@ -152,13 +189,17 @@ pub async fn success(response: reqwest::Response) -> Value {
     serde_json::from_str(&text).expect("JSON")
 }
 
-/// Reads until the other side closes, or says nothing for this long.
+/// Reads until an object of JSON ends, the other side closes, or says nothing for this long.
 pub async fn read_raw(mut stream: TcpStream, patience: Duration) -> String {
     let read = move || {
-        let mut bytes = Vec::new();
+        let (mut text, mut bytes) = (String::new(), [0; 4096]);
         stream.set_read_timeout(Some(patience)).expect("a time-out can be set");
-        let _ = stream.read_to_end(&mut bytes);
-        String::from_utf8_lossy(&bytes).into_owned()
+        while !text.ends_with('}')
+            && let Ok(n_bytes @ 1..) = stream.read(&mut bytes)
+        {
+            text.push_str(&String::from_utf8_lossy(&bytes[..n_bytes]));
+        }
+        text
     };
     spawn_blocking(read).await.expect("no panic")
 }
