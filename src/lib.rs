@@ -25,4 +25,6 @@ pub mod image;
 
 pub mod model;
 
+pub mod simulate;
+
 pub mod cli;
