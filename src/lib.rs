@@ -37,5 +37,6 @@ pub mod model;
 
 pub mod dataset;
 pub mod evaluate;
+pub mod simulate;
 
 pub mod cli;
