@@ -6,6 +6,7 @@ mod health;
 mod key;
 mod output;
 mod serve;
+mod simulate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -22,18 +23,20 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    Serve(serve::Serve),
-    Key(key::KeyArguments),
-    Health(health::Health),
+    Serve(serve::ServeArgs),
+    Key(key::KeyArgs),
+    Health(health::HealthArgs),
+    Simulate(simulate::SimulateArgs),
 }
 
 /// Parses the command line, runs the command, and reports its failure on standard error.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let result: anyhow::Result<()> = match cli.command {
-        Command::Serve(arguments) => serve::run(arguments),
-        Command::Key(arguments) => key::run(arguments),
-        Command::Health(arguments) => health::run(arguments),
+        Command::Serve(args) => serve::run(&args),
+        Command::Key(args) => key::run(&args),
+        Command::Health(args) => health::run(&args),
+        Command::Simulate(args) => simulate::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -10,6 +10,7 @@
 //! nothing sensible can be made of the whole, a [`DatasetError`].
 
 pub mod cold;
+mod describe;
 mod error;
 mod files;
 mod folder;
@@ -18,6 +19,7 @@ mod manifest;
 #[cfg(test)]
 mod tests;
 
+pub use describe::Described;
 pub use error::{DatasetError, Problem};
 
 use crate::camera::CameraKind;

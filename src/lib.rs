@@ -37,6 +37,7 @@ pub mod model;
 
 pub mod dataset;
 pub mod evaluate;
+pub mod simulate;
 
 pub mod server;
 

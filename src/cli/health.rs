@@ -8,15 +8,15 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Ask a service whether it answers frames; exit code 0 where it does
 #[derive(Args)]
-pub struct Health {
+pub struct HealthArgs {
     /// The service
     #[arg(default_value = "http://127.0.0.1:8080")]
     url: String,
 }
 
 /// Runs the command.
-pub fn run(arguments: Health) -> anyhow::Result<()> {
-    let url = format!("{}/readyz", arguments.url.trim_end_matches('/'));
+pub fn run(args: &HealthArgs) -> anyhow::Result<()> {
+    let url = format!("{}/readyz", args.url.trim_end_matches('/'));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let status = runtime.block_on(async {
         let client = reqwest::Client::builder().timeout(PATIENCE).no_proxy().build()?;

@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 
 /// Make keys for those who may call the service
 #[derive(Args)]
-pub struct KeyArguments {
+pub struct KeyArgs {
     #[command(subcommand)]
     command: KeyCommand,
 }
@@ -25,11 +25,11 @@ enum KeyCommand {
 }
 
 /// Runs the command.
-pub fn run(arguments: KeyArguments) -> anyhow::Result<()> {
-    let KeyCommand::New { role, name } = arguments.command;
+pub fn run(args: &KeyArgs) -> anyhow::Result<()> {
+    let KeyCommand::New { role, name } = &args.command;
     let mut random = [0; 32];
     getrandom::fill(&mut random).map_err(|error| anyhow!("the system gives no random numbers: {error}"))?;
-    let (secret, key) = Key::new(role, &name, &random)?;
+    let (secret, key) = Key::new(*role, name, &random)?;
     println!("The key; it is shown only now:\n\n    {secret}\n");
     println!("The settings of the service (a file, or --set keys=..., or ROOMSIGHT_KEYS):\n");
     println!("    keys = [\"{}\"]\n", key.to_line());

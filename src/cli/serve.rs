@@ -15,7 +15,7 @@ use tracing_subscriber::EnvFilter;
 /// Settings come from the defaults, then the file of --config, then the environment (ROOMSIGHT_QUEUE
 /// sets `queue`), then flags. --print-config shows all of them.
 #[derive(Args)]
-pub struct Serve {
+pub struct ServeArgs {
     /// The folder NAME/VERSION/ of models, or one model's folder [default: models]
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
@@ -46,11 +46,9 @@ pub struct Serve {
 }
 
 /// Runs the command.
-pub fn run(arguments: Serve) -> anyhow::Result<()> {
-    let file = arguments.config.clone();
-    let print_config = arguments.print_config;
-    let settings = Settings::load(file.as_deref(), std::env::vars(), flags(arguments))?;
-    if print_config {
+pub fn run(args: &ServeArgs) -> anyhow::Result<()> {
+    let settings = Settings::load(args.config.as_deref(), environment(), flags(args))?;
+    if args.print_config {
         print!("{}", settings.to_toml()?);
         return Ok(());
     }
@@ -71,16 +69,22 @@ fn pair(text: &str) -> Result<(String, String), String> {
     Ok((name.trim().to_owned(), value.trim().to_owned()))
 }
 
+/// The environment; what is not Unicode is no setting.
+fn environment() -> impl Iterator<Item = (String, String)> {
+    std::env::vars_os()
+        .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
+}
+
 /// The settings that were given as flags.
-fn flags(arguments: Serve) -> HashMap<String, String> {
-    let mut flags: HashMap<String, String> = arguments.set.into_iter().collect();
+fn flags(args: &ServeArgs) -> HashMap<String, String> {
+    let mut flags: HashMap<String, String> = args.set.iter().cloned().collect();
     let given = [
-        ("models", arguments.models.map(|path| path.to_string_lossy().into_owned())),
-        ("model", arguments.model),
-        ("listen", arguments.listen),
-        ("threads", arguments.threads.map(|n| n.to_string())),
-        ("allow_anonymous", arguments.allow_anonymous.then(|| true.to_string())),
-        ("log_format", arguments.log_format),
+        ("models", args.models.as_ref().map(|path| path.to_string_lossy().into_owned())),
+        ("model", args.model.clone()),
+        ("listen", args.listen.clone()),
+        ("threads", args.threads.map(|n| n.to_string())),
+        ("allow_anonymous", args.allow_anonymous.then(|| true.to_string())),
+        ("log_format", args.log_format.clone()),
     ];
     for (name, value) in given {
         flags.extend(value.map(|value| (name.to_owned(), value)));

@@ -2,6 +2,7 @@
 
 use super::cold::{DrivenPath, Illumination, Part, SequenceName};
 use super::*;
+use crate::image::ImageError;
 use std::os::unix::fs::symlink;
 use tempfile::TempDir;
 
@@ -212,11 +213,8 @@ fn frames_that_cannot_be_read_are_problems() {
     let set = tree(&["hall/text.jpg = not an image"]);
     let frame = &open(set.path()).unwrap().frames[0];
     let problem = |max_bytes| frame.read(&Limits { max_bytes, ..Limits::default() }).unwrap_err().to_string();
-    assert!(
-        problem(100).ends_with("hall/text.jpg: not a JPEG, PNG, WebP, BMP or PGM image"),
-        "{}",
-        problem(100)
-    );
+    let not_an_image = format!("hall/text.jpg: {}", ImageError::UnknownFormat);
+    assert!(problem(100).ends_with(&not_an_image), "{}", problem(100));
     assert!(problem(5).ends_with("hall/text.jpg: 12 bytes long, at most 5 are read"), "{}", problem(5));
     let folder = Frame { path: set.path().to_owned(), ..frame.clone() };
     assert!(folder.read(&Limits::default()).unwrap_err().to_string().ends_with("not a regular file"));

@@ -22,7 +22,7 @@ fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
 }
 
 fn config() -> Config {
-    let bag = vocabulary::Config { n_words: 12, ..vocabulary::Config::default() };
+    let bag = vocabulary::Config { n_words: 40, ..vocabulary::Config::default() };
     Config { representation: Representation::Bag(bag), ..Config::default() }
 }
 

@@ -8,7 +8,7 @@ use utoipa::openapi::{Content, Ref, RefOr, Response};
 use utoipa::{IntoResponses, Modify, OpenApi, ToSchema};
 
 /// The name of the security scheme.
-pub const KEY: &str = "key";
+const KEY: &str = "key";
 
 /// What is not told by the handlers.
 #[derive(OpenApi)]

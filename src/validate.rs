@@ -1,0 +1,184 @@
+//! How well a configuration does on a data set: trained on some frames, measured on others, over several
+//! splits and seeds.
+
+use crate::camera::Camera;
+use crate::dataset::{Dataset, Described};
+use crate::evaluate::{self, Answer, Evaluation, Sighting};
+use crate::folds::folds;
+use crate::model::{Config, Model, Recognition, Sample, TrainError};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What is trained on and what is measured.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// Every sequence is answered by models trained without it, in this many folds at most. A room that
+    /// occurs in one sequence only cannot be answered and is left out.
+    Sequences(usize),
+    /// Every frame is answered by a model trained on all others.
+    LeaveOneOut,
+    /// This many frames of each room, drawn anew for each seed, train; the others are answered.
+    Random(usize),
+}
+
+/// One training and what is measured with it: indices of samples.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Round {
+    /// Trained on.
+    pub train: Vec<usize>,
+    /// Answered.
+    pub test: Vec<usize>,
+}
+
+/// The rounds of a protocol. Frames of rooms that a round does not train are not in its test.
+pub fn rounds(samples: &[Sample], protocol: &Protocol, seed: u64) -> Vec<Round> {
+    let names: BTreeSet<&str> = samples.iter().map(|sample| sample.place.as_str()).collect();
+    let label: BTreeMap<&str, usize> = names.into_iter().zip(0..).collect();
+    let labels: Vec<usize> = samples.iter().map(|sample| label[sample.place.as_str()]).collect();
+    let rounds = match *protocol {
+        Protocol::Sequences(n_folds) => {
+            let sequences: Vec<&str> = samples.iter().map(|sample| sample.sequence.as_str()).collect();
+            let fold_of = folds(&sequences, &labels, n_folds, seed);
+            (0..n_folds).map(|fold| Round::new(samples.len(), |idx| fold_of[idx] == fold)).collect()
+        }
+        Protocol::LeaveOneOut => {
+            (0..samples.len()).map(|left_out| Round::new(samples.len(), |idx| idx == left_out)).collect()
+        }
+        Protocol::Random(n_train) => {
+            let mut order: Vec<usize> = (0..samples.len()).collect();
+            order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+            let mut n_drawn = vec![0; label.len()];
+            let mut trains = vec![false; samples.len()];
+            for idx in order {
+                n_drawn[labels[idx]] += 1;
+                trains[idx] = n_drawn[labels[idx]] <= n_train;
+            }
+            vec![Round::new(samples.len(), |idx| !trains[idx])]
+        }
+    };
+    rounds.into_iter().map(|round: Round| round.answerable(&labels)).filter(|round| !round.test.is_empty()).collect()
+}
+
+impl Round {
+    fn new(n_samples: usize, is_test: impl Fn(usize) -> bool) -> Self {
+        let (test, train) = (0..n_samples).partition(|&idx| is_test(idx));
+        Self { train, test }
+    }
+
+    fn answerable(mut self, labels: &[usize]) -> Self {
+        let trained: BTreeSet<usize> = self.train.iter().map(|&idx| labels[idx]).collect();
+        self.test.retain(|&idx| trained.contains(&labels[idx]));
+        self
+    }
+}
+
+/// The answer to one sample.
+#[derive(Clone, Debug)]
+pub struct Answered {
+    /// Which sample.
+    pub sample_idx: usize,
+    /// The room answered.
+    pub place: String,
+    /// The whole answer.
+    pub recognition: Recognition,
+}
+
+/// Trains and answers each round in turn; `on_round` is called after each.
+pub fn run(
+    samples: &[Sample],
+    rounds: &[Round],
+    (config, camera): (&Config, &Camera),
+    mut on_round: impl FnMut(),
+) -> Result<Vec<Answered>, TrainError> {
+    let mut answers = Vec::new();
+    for round in rounds {
+        let training: Vec<&Sample> = round.train.iter().map(|&idx| &samples[idx]).collect();
+        let model = Model::train(&training, config, camera.clone(), |_| ())?.model;
+        answers.extend(round.test.iter().map(|&sample_idx| answer(&model, samples, sample_idx)));
+        on_round();
+    }
+    Ok(answers)
+}
+
+/// The answer of `model` to a sample.
+pub fn answer(model: &Model, samples: &[Sample], sample_idx: usize) -> Answered {
+    let recognition = model.classify(&samples[sample_idx].features);
+    Answered { sample_idx, place: model.places()[recognition.place_idx].clone(), recognition }
+}
+
+/// Counts answers to the described frames of a data set; border frames are told apart where the data set
+/// knows positions.
+pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Evaluation {
+    let sightings: Vec<Sighting> = dataset
+        .frames
+        .iter()
+        .map(|frame| Sighting {
+            sequence: &frame.sequence,
+            place: &frame.place,
+            position: frame.pose.map(|pose| [pose.x, pose.y]),
+        })
+        .collect();
+    let near_border = evaluate::near_borders(&sightings, evaluate::BORDER_DISTANCE);
+    let answers: Vec<Answer> = answers
+        .iter()
+        .map(|answered| {
+            let frame_idx = described.frame_idxs[answered.sample_idx];
+            Answer {
+                place: &dataset.frames[frame_idx].place,
+                answered: &answered.place,
+                near_border: near_border[frame_idx],
+            }
+        })
+        .collect();
+    Evaluation::new(&answers)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matrix::Matrix;
+    use crate::model::Features;
+
+    fn sample(place: &str, sequence: &str) -> Sample {
+        let features = Features { keypoints: Vec::new(), descriptors: Matrix::new(1), scale: 1.0 };
+        Sample { place: place.to_owned(), sequence: sequence.to_owned(), features }
+    }
+
+    #[test]
+    fn sequences_are_never_on_both_sides_and_lonely_rooms_are_left_out() {
+        let samples = [
+            sample("hall", "a"), sample("hall", "b"), sample("hall", "c"),
+            sample("bath", "a"), sample("bath", "b"), sample("attic", "c"),
+        ];
+        let rounds = rounds(&samples, &Protocol::Sequences(3), 0);
+        assert_eq!(rounds.len(), 3);
+        for round in &rounds {
+            let test: BTreeSet<&str> = round.test.iter().map(|&idx| samples[idx].sequence.as_str()).collect();
+            assert!(round.train.iter().all(|&idx| !test.contains(samples[idx].sequence.as_str())));
+        }
+        let mut tested: Vec<usize> = rounds.iter().flat_map(|round| round.test.clone()).collect();
+        tested.sort_unstable();
+        assert_eq!(tested, [0, 1, 2, 3, 4]);
+    }
+
+    #[test]
+    fn each_frame_is_left_out_once() {
+        let samples = [sample("hall", ""), sample("hall", ""), sample("bath", ""), sample("bath", "")];
+        let rounds = rounds(&samples, &Protocol::LeaveOneOut, 0);
+        assert_eq!(rounds.iter().map(|round| round.test.clone()).collect::<Vec<_>>(), [[0], [1], [2], [3]]);
+        assert_eq!(rounds[1].train, [0, 2, 3]);
+    }
+
+    #[test]
+    fn random_splits_draw_the_same_number_a_room_and_differ_by_seed() {
+        let samples: Vec<Sample> =
+            (0..40).map(|idx| sample(if idx % 4 == 0 { "hall" } else { "bath" }, "")).collect();
+        let split = |seed| rounds(&samples, &Protocol::Random(4), seed).remove(0);
+        let is_hall = |idx: &&usize| **idx % 4 == 0;
+        assert_eq!((split(1).train.len(), split(1).train.iter().filter(is_hall).count()), (8, 4));
+        assert_eq!(split(1).test.len(), 32);
+        assert_ne!(split(1), split(2));
+    }
+}
