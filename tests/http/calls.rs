@@ -8,7 +8,7 @@ use base64::prelude::BASE64_STANDARD;
 use image::{GrayImage, ImageFormat, Luma};
 use roomsight::server::{App, Key, Role, Settings};
 use serde_json::{Value, json};
-use std::io::Cursor;
+use std::io::{Cursor, Write};
 use std::time::Duration;
 
 /// Longer than an answer takes to come once it has begun.
@@ -253,6 +253,16 @@ async fn a_key_opens_what_its_role_may_and_nothing_else() {
     let response = server.post("/v1/recognize", frame()).send().await.unwrap();
     assert_eq!(response.headers()["www-authenticate"], "Bearer");
     problem(response, 401, "unauthorized").await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_caller_who_sends_too_much_can_send_it_all_and_then_reads_why() {
+    let server = Server::start(Settings::default()).await;
+    let head = format!("POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n", 50 << 20);
+    let mut stream = server.send_raw(head.as_bytes());
+    stream.write_all(&vec![0; 50 << 20]).expect("the connection stays open");
+    let response = read_raw(stream, PAUSE).await;
+    assert!(response.starts_with("HTTP/1.1 413 "), "{response}");
 }
 
 #[tokio::test]

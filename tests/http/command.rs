@@ -1,0 +1,99 @@
+//! `roomsight serve`, `key` and `health` as an operator runs them.
+
+use crate::service::models;
+use std::net::TcpListener;
+use std::process::{Child, Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+const PATIENCE: Duration = Duration::from_secs(20);
+
+fn roomsight(args: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_roomsight"));
+    command.args(args).stdin(Stdio::null());
+    command
+}
+
+fn output(args: &[&str]) -> Output {
+    roomsight(args).output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// What a command that must fail says.
+fn failure(args: &[&str]) -> String {
+    let output = output(args);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
+    text(&output.stderr)
+}
+
+fn free_address() -> String {
+    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
+}
+
+/// Kills the service when the test ends early.
+struct Running(Child);
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+    }
+}
+
+#[test]
+fn serve_gets_ready_and_ends_well_when_told() {
+    let (models, address) = (models(), free_address());
+    let url = format!("http://{address}");
+    let folder = models.path().to_str().unwrap();
+    let mut serve = roomsight(&["serve", "--models", folder, "--listen", &address, "--log-format", "json"]);
+    let mut running = Running(serve.stderr(Stdio::piped()).spawn().unwrap());
+    let started = Instant::now();
+    while !output(&["health", &url]).status.success() {
+        assert!(started.elapsed() < PATIENCE, "it never got ready");
+        sleep(Duration::from_millis(20));
+    }
+    let id = running.0.id().to_string();
+    assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+    assert!(running.0.wait().unwrap().success());
+    let mut log = String::new();
+    std::io::Read::read_to_string(running.0.stderr.as_mut().unwrap(), &mut log).unwrap();
+    let answered: serde_json::Value =
+        serde_json::from_str(log.lines().find(|line| line.contains("answered")).unwrap()).unwrap();
+    assert_eq!(answered["status"], 200, "{answered}");
+    assert_eq!(answered["span"]["route"], "/readyz", "{answered}");
+    assert!(answered["span"]["request_id"].is_string(), "{answered}");
+    assert!(failure(&["health", &url]).contains(&url));
+}
+
+#[test]
+fn serve_says_why_it_does_not_start() {
+    let models = models();
+    let folder = models.path().to_str().unwrap();
+    let others = failure(&["serve", "--models", folder, "--listen", "0.0.0.0:0"]);
+    assert!(others.contains("--allow-anonymous") && others.contains("key new"), "{others}");
+    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = taken.local_addr().unwrap().to_string();
+    let occupied = failure(&["serve", "--models", folder, "--listen", &address]);
+    assert!(occupied.contains(&address) && occupied.contains("--listen"), "{occupied}");
+    let nowhere = failure(&["serve", "--models", "/no/such/folder"]);
+    assert!(nowhere.contains("/no/such/folder"), "{nowhere}");
+    let unknown = failure(&["serve", "--models", folder, "--set", "quue=3"]);
+    assert!(unknown.contains("quue"), "{unknown}");
+}
+
+#[test]
+fn a_new_key_goes_into_the_settings_and_stays_hidden() {
+    let made = text(&output(&["key", "new", "--role", "robot", "--name", "wall-e"]).stdout);
+    let line =
+        made.lines().find_map(|line| line.trim().strip_prefix("keys = [\"")?.strip_suffix("\"]")).unwrap();
+    let hash = line.strip_prefix("robot:wall-e:").unwrap();
+    assert_eq!(hash.len(), 64, "{made}");
+    let printed = text(&output(&["serve", "--print-config", "--set", &format!("keys={line}")]).stdout);
+    assert!(printed.contains("robot:wall-e:") && !printed.contains(hash), "{printed}");
+    assert!(printed.contains("max_frame_bytes = "), "{printed}");
+    let again = text(&output(&["key", "new", "--role", "robot", "--name", "wall-e"]).stdout);
+    assert_ne!(made, again);
+    assert_eq!(output(&["key", "new", "--role", "king", "--name", "x"]).status.code(), Some(2));
+}
