@@ -2,8 +2,14 @@
 //!
 //! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line.
 
+mod data;
+mod evaluate;
+mod inspect;
 mod output;
+mod recognize;
 mod simulate;
+mod train;
+mod validate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -20,6 +26,11 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Train(train::TrainArgs),
+    Evaluate(evaluate::EvaluateArgs),
+    Validate(validate::ValidateArgs),
+    Recognize(recognize::RecognizeArgs),
+    Inspect(inspect::InspectArgs),
     Simulate(simulate::SimulateArgs),
 }
 
@@ -27,6 +38,11 @@ enum Command {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let result: anyhow::Result<()> = match cli.command {
+        Command::Train(args) => train::run(&args),
+        Command::Evaluate(args) => evaluate::run(&args),
+        Command::Validate(args) => validate::run(&args),
+        Command::Recognize(args) => recognize::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
         Command::Simulate(args) => simulate::run(&args),
     };
     match result {
