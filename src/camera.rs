@@ -40,6 +40,17 @@ pub enum Projection {
     Omnidirectional(Mirror),
 }
 
+impl Projection {
+    /// The kind of camera.
+    pub fn kind(&self) -> CameraKind {
+        match self {
+            Self::Perspective => CameraKind::Perspective,
+            Self::Equirectangular => CameraKind::Equirectangular,
+            Self::Omnidirectional(_) => CameraKind::Omnidirectional,
+        }
+    }
+}
+
 /// Which pixels of a frame show the world. It is stretched over frames of any size.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mask(Image);

@@ -2,11 +2,17 @@
 //!
 //! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line.
 
+mod data;
+mod evaluate;
 mod health;
+mod inspect;
 mod key;
 mod output;
+mod recognize;
 mod serve;
 mod simulate;
+mod train;
+mod validate;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -23,6 +29,11 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Train(train::TrainArgs),
+    Evaluate(evaluate::EvaluateArgs),
+    Validate(validate::ValidateArgs),
+    Recognize(recognize::RecognizeArgs),
+    Inspect(inspect::InspectArgs),
     Serve(serve::ServeArgs),
     Key(key::KeyArgs),
     Health(health::HealthArgs),
@@ -33,6 +44,11 @@ enum Command {
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let result: anyhow::Result<()> = match cli.command {
+        Command::Train(args) => train::run(&args),
+        Command::Evaluate(args) => evaluate::run(&args),
+        Command::Validate(args) => validate::run(&args),
+        Command::Recognize(args) => recognize::run(&args),
+        Command::Inspect(args) => inspect::run(&args),
         Command::Serve(args) => serve::run(&args),
         Command::Key(args) => key::run(&args),
         Command::Health(args) => health::run(&args),

@@ -13,8 +13,9 @@
 //! | 5 | [`vocabulary`], [`svm`], [`folds`] | descriptors to bags of words, bags to probabilities |
 //! | 6 | [`model`] | the whole pipeline: train, recognize, the file |
 //! | 7 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 8 | [`server`] | the HTTP service |
-//! | 9 | [`cli`] | the commands |
+//! | 8 | [`validate`] | rates of a configuration over splits and seeds |
+//! | 9 | [`server`] | the HTTP service |
+//! | 10 | [`cli`] | the commands |
 //!
 //! Groups 1 to 6 are the recognition core. They know no async, no HTTP, no clock and no hidden
 //! randomness: seeds are arguments.
@@ -38,6 +39,8 @@ pub mod model;
 pub mod dataset;
 pub mod evaluate;
 pub mod simulate;
+
+pub mod validate;
 
 pub mod server;
 

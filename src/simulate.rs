@@ -34,7 +34,7 @@ mod texture;
 mod vector;
 
 pub use robot::{Pose, SPEED};
-pub use sequence::{SequenceSummary, SimulateError};
+pub use sequence::{MARKER_FILE, SequenceSummary, SimulateError};
 
 use image::RgbImage;
 use optics::{Optics, Sight};

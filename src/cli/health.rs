@@ -8,14 +8,13 @@ const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Ask a service whether it answers frames; exit code 0 where it does
 #[derive(Args)]
-pub struct HealthArgs {
+pub(super) struct HealthArgs {
     /// The service
     #[arg(default_value = "http://127.0.0.1:8080")]
     url: String,
 }
 
-/// Runs the command.
-pub fn run(args: &HealthArgs) -> anyhow::Result<()> {
+pub(super) fn run(args: &HealthArgs) -> anyhow::Result<()> {
     let url = format!("{}/readyz", args.url.trim_end_matches('/'));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let status = runtime.block_on(async {

@@ -6,7 +6,7 @@ use clap::{Args, Subcommand};
 
 /// Make keys for those who may call the service
 #[derive(Args)]
-pub struct KeyArgs {
+pub(super) struct KeyArgs {
     #[command(subcommand)]
     command: KeyCommand,
 }
@@ -24,8 +24,7 @@ enum KeyCommand {
     },
 }
 
-/// Runs the command.
-pub fn run(args: &KeyArgs) -> anyhow::Result<()> {
+pub(super) fn run(args: &KeyArgs) -> anyhow::Result<()> {
     let KeyCommand::New { role, name } = &args.command;
     let mut random = [0; 32];
     getrandom::fill(&mut random).map_err(|error| anyhow!("the system gives no random numbers: {error}"))?;

@@ -1,7 +1,11 @@
 //! What all commands share in what they print: progress bars and tables.
 
+use crate::evaluate::{Evaluation, Rate};
 use comfy_table::{Table, presets};
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// The most rooms whose confusion matrix fits a screen.
+const MAX_CONFUSION_PLACES: usize = 10;
 
 /// A progress bar on standard error for work of `n_steps`; silent when that is no terminal.
 pub fn progress(label: &str, n_steps: usize) -> ProgressBar {
@@ -16,4 +20,45 @@ pub fn table<H: Into<comfy_table::Row>>(header: H) -> Table {
     let mut table = Table::new();
     table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
     table
+}
+
+/// Prints the rates and, for up to [`MAX_CONFUSION_PLACES`] rooms, the confusion matrix.
+pub fn print_evaluation(evaluation: &Evaluation) {
+    if evaluation.places.len() <= MAX_CONFUSION_PLACES {
+        let mut header = vec!["shown \\ answered".to_owned()];
+        header.extend(evaluation.places.iter().cloned());
+        header.push("rate".to_owned());
+        let mut confusion = table(header);
+        for (idx, (place, counts)) in evaluation.places.iter().zip(&evaluation.confusion).enumerate() {
+            let mut row = vec![place.clone()];
+            row.extend(counts.iter().map(|&count| if count == 0 { "-".to_owned() } else { count.to_string() }));
+            row.push(rate(&evaluation.by_place[idx]));
+            confusion.add_row(row);
+        }
+        println!("{confusion}");
+    } else {
+        let mut by_place = table(["room", "frames", "rate"]);
+        for (place, place_rate) in evaluation.places.iter().zip(&evaluation.by_place) {
+            by_place.add_row([place.clone(), place_rate.n_frames.to_string(), rate(place_rate)]);
+        }
+        println!("{by_place}");
+    }
+    let mut rates = table(["", "correct", "frames", "rate"]);
+    let mut add = |name: &str, of: &Rate| {
+        rates.add_row([name.to_owned(), of.n_correct.to_string(), of.n_frames.to_string(), rate(of)]);
+    };
+    add("all frames", &evaluation.overall);
+    if evaluation.only_border.n_frames > 0 {
+        add("within 0.5 m of a room border", &evaluation.only_border);
+        add("farther from borders", &evaluation.without_border);
+    }
+    println!("{rates}");
+    if let Some(mean) = evaluation.mean_by_place {
+        println!("Mean over rooms: {mean:.4}");
+    }
+}
+
+/// A rate with four digits, or a dash where there is none.
+pub fn rate(rate: &Rate) -> String {
+    rate.rate.map_or("-".to_owned(), |rate| format!("{rate:.4}"))
 }

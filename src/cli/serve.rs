@@ -15,7 +15,7 @@ use tracing_subscriber::EnvFilter;
 /// Settings come from the defaults, then the file of --config, then the environment (ROOMSIGHT_QUEUE
 /// sets `queue`), then flags. --print-config shows all of them.
 #[derive(Args)]
-pub struct ServeArgs {
+pub(super) struct ServeArgs {
     /// The folder NAME/VERSION/ of models, or one model's folder [default: models]
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
@@ -45,8 +45,7 @@ pub struct ServeArgs {
     print_config: bool,
 }
 
-/// Runs the command.
-pub fn run(args: &ServeArgs) -> anyhow::Result<()> {
+pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
     let settings = Settings::load(args.config.as_deref(), environment(), flags(args))?;
     if args.print_config {
         print!("{}", settings.to_toml()?);

@@ -1,8 +1,9 @@
 //! Area averaging, for frames larger than the working size.
 
 use super::Image;
-use fast_image_resize::images::{Image as Buffer, ImageRef};
-use fast_image_resize::{FilterType, PixelType, ResizeAlg, ResizeOptions, Resizer};
+use fast_image_resize::images::{TypedImage, TypedImageRef};
+use fast_image_resize::pixels::U8;
+use fast_image_resize::{FilterType, ResizeAlg, ResizeOptions, Resizer};
 
 pub(super) fn shrink_to(image: &Image, longest_side: usize) -> Option<Image> {
     let longest = image.width.max(image.height);
@@ -11,11 +12,13 @@ pub(super) fn shrink_to(image: &Image, longest_side: usize) -> Option<Image> {
     }
     let scaled = |side: usize| ((side * longest_side + longest / 2) / longest).max(1);
     let (width, height) = (scaled(image.width), scaled(image.height));
-    let source = ImageRef::new(image.width as u32, image.height as u32, &image.pixels, PixelType::U8).ok()?;
-    let mut target = Buffer::new(width as u32, height as u32, PixelType::U8);
+    let source =
+        TypedImageRef::<U8>::from_buffer(image.width as u32, image.height as u32, &image.pixels).ok()?;
+    let mut pixels = vec![0; width * height];
+    let mut target = TypedImage::<U8>::from_buffer(width as u32, height as u32, &mut pixels).ok()?;
     let area_average = ResizeOptions::new().resize_alg(ResizeAlg::Convolution(FilterType::Box));
-    Resizer::new().resize(&source, &mut target, &area_average).ok()?;
-    Image::from_pixels(width, height, target.into_vec())
+    Resizer::new().resize_typed(&source, &mut target, &area_average).ok()?;
+    Image::from_pixels(width, height, pixels)
 }
 
 #[cfg(test)]

@@ -38,9 +38,13 @@ fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample> {
         .collect()
 }
 
+fn train(samples: &[Sample], config: &Config, camera: Camera) -> Result<Training, TrainError> {
+    Model::train(&samples.iter().collect::<Vec<_>>(), config, camera, |_| ())
+}
+
 fn trained(config: &Config) -> Training {
     let camera = Camera::new(Projection::Perspective);
-    Model::train(&samples(config, 48, 1), config, camera, |_| ()).unwrap()
+    train(&samples(config, 48, 1), config, camera).unwrap()
 }
 
 #[test]
@@ -92,7 +96,7 @@ fn a_room_of_a_single_frame_can_be_answered_but_not_held_out() {
     let config = config();
     let mut samples = samples(&config, 48, 1);
     samples[0].place = "attic".to_owned();
-    let training = Model::train(&samples, &config, Camera::new(Projection::Perspective), |_| ()).unwrap();
+    let training = train(&samples, &config, Camera::new(Projection::Perspective)).unwrap();
     assert_eq!(training.model.places().len(), 4);
     assert!(training.held_out.iter().all(|answer| answer.sample_idx != 0));
     assert_eq!(training.held_out.len(), 47);
@@ -101,16 +105,16 @@ fn a_room_of_a_single_frame_can_be_answered_but_not_held_out() {
 #[test]
 fn training_refuses_what_makes_no_model() {
     let camera = || Camera::new(Projection::Perspective);
-    let train = |samples: &[Sample], config: &Config| Model::train(samples, config, camera(), |_| ()).err();
+    let error = |samples: &[Sample], config: &Config| train(samples, config, camera()).err();
     let config = config();
-    assert!(matches!(train(&[], &config), Some(TrainError::TooFewPlaces(0))));
+    assert!(matches!(error(&[], &config), Some(TrainError::TooFewPlaces(0))));
     let mut one_place = samples(&config, 9, 1);
     one_place.iter_mut().for_each(|sample| sample.place = "hall".to_owned());
-    assert!(matches!(train(&one_place, &config), Some(TrainError::TooFewPlaces(1))));
+    assert!(matches!(error(&one_place, &config), Some(TrainError::TooFewPlaces(1))));
     let lonely = &samples(&config, 3, 1);
-    assert!(matches!(train(lonely, &config), Some(TrainError::NothingHeldOut)));
+    assert!(matches!(error(lonely, &config), Some(TrainError::NothingHeldOut)));
     let absurd = Config { longest_side: 0, ..config };
-    assert!(matches!(train(lonely, &absurd), Some(TrainError::Config(_))));
+    assert!(matches!(error(lonely, &absurd), Some(TrainError::Config(_))));
 }
 
 #[test]
@@ -119,7 +123,7 @@ fn the_file_holds_everything() {
     let mask = Mask::new(Image::from_pixels(3, 2, vec![255, 255, 0, 255, 255, 255]).unwrap());
     let mirror = Mirror { center_x: 0.5, center_y: 0.4, inner_radius: 0.05, outer_radius: 0.4 };
     let camera = Camera { projection: Projection::Omnidirectional(mirror), mask: Some(mask) };
-    let training = Model::train(&samples(&config, 48, 1), &config, camera, |_| ()).unwrap();
+    let training = train(&samples(&config, 48, 1), &config, camera).unwrap();
     let card = Card { description: "three patterns".to_owned(), ..Card::default() };
     let model = training.model.with_card(card);
     let bytes = model.to_bytes().unwrap();

@@ -4,7 +4,7 @@ use super::{
     Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition, Representation,
 };
 use crate::camera::Camera;
-use crate::folds::folds;
+use crate::folds::{folds, spread_single_fold_labels};
 use crate::matrix::Matrix;
 use crate::svm::{self, Calibration, LinearSvm, Scheme, SvmError};
 use crate::vocabulary::{Vocabulary, VocabularyError};
@@ -77,7 +77,7 @@ impl Model {
     /// Probabilities are calibrated on held-out folds; see [`crate::folds`]. The result depends on the
     /// arguments alone. `progress` is called before each step.
     pub fn train(
-        samples: &[Sample],
+        samples: &[&Sample],
         config: &Config,
         camera: Camera,
         mut progress: impl FnMut(TrainingStep),
@@ -125,7 +125,7 @@ impl Model {
 }
 
 struct Trainer<'a> {
-    samples: &'a [Sample],
+    samples: &'a [&'a Sample],
     /// One class a sample.
     labels: &'a [usize],
     n_places: usize,
@@ -141,7 +141,10 @@ struct Decision {
 impl Trainer<'_> {
     fn folds(&self) -> Vec<usize> {
         let sequences: Vec<&str> = self.samples.iter().map(|sample| sample.sequence.as_str()).collect();
-        folds(&sequences, self.labels, self.config.calibration.n_folds, self.config.seed)
+        let n_folds = self.config.calibration.n_folds;
+        let mut folds = folds(&sequences, self.labels, n_folds, self.config.seed);
+        spread_single_fold_labels(&mut folds, self.labels, n_folds);
+        folds
     }
 
     fn svm_config(&self) -> &svm::Config {

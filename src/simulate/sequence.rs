@@ -10,7 +10,8 @@ use std::{fs, io};
 
 const JPEG_QUALITY: u8 = 88;
 /// The file that tells a simulated root from a real one, and says what is in it.
-const MARKER: &str = "SIMULATED.txt";
+/// The file at the root of simulated sequences that says so.
+pub const MARKER_FILE: &str = "SIMULATED.txt";
 
 /// Why a sequence was not simulated.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +20,7 @@ pub enum SimulateError {
     #[error("{0} frames a second: choose a rate above 0 and up to 30")]
     FrameRate(f32),
     /// Simulated frames must not end up among other files.
-    #[error("{} is not empty and was not made by this command (it has no {MARKER}): choose another folder", .0.display())]
+    #[error("{} is not empty and was not made by this command (it has no {MARKER_FILE}): choose another folder", .0.display())]
     ForeignFolder(PathBuf),
     /// The disk is full, or the folder may not be written.
     #[error("cannot write {}: {source}", .path.display())]
@@ -131,7 +132,7 @@ impl Records {
     /// Reads the marker of a root, or makes both; refuses a root with files but without a marker.
     fn open(root: &Path) -> Result<Self, SimulateError> {
         fs::create_dir_all(root).map_err(failed(root))?;
-        let path = root.join(MARKER);
+        let path = root.join(MARKER_FILE);
         match fs::read_to_string(&path) {
             Ok(text) => Ok(Self { path, lines: text.lines().map(str::to_owned).collect() }),
             Err(error) if error.kind() == io::ErrorKind::NotFound => {

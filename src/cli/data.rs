@@ -1,0 +1,214 @@
+//! What all commands share that read labeled frames or a configuration.
+
+use super::output;
+use crate::camera::{Camera, CameraKind, Mask, Projection};
+use crate::dataset::{self, Dataset, Described, Problem};
+use crate::image::{Image, Limits};
+use crate::model::{Config, Extractor};
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Problems that are listed one by one; more are counted.
+const N_LISTED_PROBLEMS: usize = 5;
+
+/// Which frames of a data set to take.
+#[derive(Args)]
+pub(super) struct DataArgs {
+    /// Labeled frames: a folder a room, a frames.csv manifest, or COLD sequences
+    pub data: PathBuf,
+    /// Take the frames of this camera; folders of frames do not name theirs [default: the only one]
+    #[arg(long, value_enum)]
+    pub camera: Option<CameraName>,
+}
+
+/// A camera on the command line.
+#[derive(Clone, Copy, ValueEnum)]
+pub(super) enum CameraName {
+    /// An ordinary lens
+    Perspective,
+    /// A full panorama
+    Equirectangular,
+    /// A mirror seen from below
+    Omnidirectional,
+}
+
+impl From<CameraName> for CameraKind {
+    fn from(name: CameraName) -> Self {
+        match name {
+            CameraName::Perspective => Self::Perspective,
+            CameraName::Equirectangular => Self::Equirectangular,
+            CameraName::Omnidirectional => Self::Omnidirectional,
+        }
+    }
+}
+
+impl DataArgs {
+    /// Opens the data set, takes the camera's frames, and reports what is wrong with the rest.
+    pub(super) fn open(&self) -> anyhow::Result<Dataset> {
+        let dataset = dataset::open(&self.data)?;
+        report(&dataset.problems);
+        if dataset.n_unlabeled > 0 {
+            eprintln!("{} frames have no room and are left out", dataset.n_unlabeled);
+        }
+        Ok(match self.camera {
+            Some(camera) => dataset.with_camera(camera.into())?,
+            None => dataset,
+        })
+    }
+}
+
+/// Parameters of a model.
+#[derive(Args)]
+pub(super) struct ConfigArgs {
+    /// Configuration of the model, as TOML [default: the measured defaults]
+    #[arg(long, value_name = "FILE")]
+    config: Option<PathBuf>,
+    /// One parameter, such as representation.n_words=1000 or detector.threshold.fixed=20; repeatable
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    parameters: Vec<String>,
+    /// Picture whose dark pixels are parts of the robot, always in view; of any size
+    #[arg(long, value_name = "PICTURE")]
+    mask: Option<PathBuf>,
+}
+
+impl ConfigArgs {
+    /// The file, changed by the single parameters.
+    pub(super) fn read(&self) -> anyhow::Result<Config> {
+        let defaults = toml::Table::try_from(Config::default())?;
+        let mut table = defaults;
+        if let Some(path) = &self.config {
+            let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
+            let file: toml::Table = text.parse().with_context(|| path.display().to_string())?;
+            merge(&mut table, file);
+        }
+        for parameter in &self.parameters {
+            merge(&mut table, parse_parameter(parameter)?);
+        }
+        let config: Config = table.try_into()?;
+        config.check().map_err(anyhow::Error::msg)?;
+        Ok(config)
+    }
+
+    /// The camera of checked frames; the mirror of an omnidirectional one is found in them.
+    pub(super) fn camera(&self, dataset: &Dataset) -> anyhow::Result<Camera> {
+        let kind = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
+        let projection = match kind {
+            CameraKind::Perspective => Projection::Perspective,
+            CameraKind::Equirectangular => Projection::Equirectangular,
+            CameraKind::Omnidirectional => {
+                let mirror = dataset.find_mirror(&Limits::default()).context(
+                    "no mirror was found in the frames: take frames of one size, from a robot that moves",
+                )?;
+                Projection::Omnidirectional(mirror)
+            }
+        };
+        let mask = self.mask.as_ref().map(|path| read_image(path).map(Mask::new)).transpose()?;
+        Ok(Camera { projection, mask })
+    }
+}
+
+/// Reads an image file within the default limits.
+pub(super) fn read_image(path: &Path) -> anyhow::Result<Image> {
+    let bytes = fs::read(path).with_context(|| path.display().to_string())?;
+    Image::decode(&bytes, &Limits::default()).with_context(|| path.display().to_string())
+}
+
+/// Describes all frames behind a progress bar and reports those that cannot be read.
+pub(super) fn describe(dataset: &Dataset, extractor: &Extractor) -> anyhow::Result<Described> {
+    let bar = output::progress("describing frames", dataset.frames.len());
+    let described = dataset.describe(extractor, &Limits::default(), || bar.inc(1));
+    bar.finish_and_clear();
+    report(&described.problems);
+    if described.samples.is_empty() {
+        bail!("none of the {} frames can be read", dataset.frames.len());
+    }
+    Ok(described)
+}
+
+/// Whether a data set was written by `roomsight simulate`.
+pub(super) fn is_simulated(data: &Path) -> bool {
+    data.ancestors().any(|folder| folder.join(crate::simulate::MARKER_FILE).is_file())
+}
+
+fn report(problems: &[Problem]) {
+    for problem in problems.iter().take(N_LISTED_PROBLEMS) {
+        eprintln!("left out: {problem}");
+    }
+    if problems.len() > N_LISTED_PROBLEMS {
+        eprintln!("left out: {} more", problems.len() - N_LISTED_PROBLEMS);
+    }
+}
+
+/// Reads `a.b.c=value` as the table it would be in a file. A value that is no TOML is a string.
+fn parse_parameter(parameter: &str) -> anyhow::Result<toml::Table> {
+    let (name, value) =
+        parameter.split_once('=').with_context(|| format!("{parameter:?} is not NAME=VALUE"))?;
+    let line = format!("{} = {}", name.trim(), value.trim());
+    let quoted = || format!("{} = {:?}", name.trim(), value.trim()).parse();
+    line.parse().or_else(|_| quoted()).with_context(|| format!("{parameter:?} is not NAME=VALUE"))
+}
+
+/// Overwrites what `changes` names. A table that chooses another variant replaces the old one whole.
+fn merge(table: &mut toml::Table, changes: toml::Table) {
+    for (name, change) in changes {
+        match (table.get_mut(&name), change) {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new)) if !is_other_variant(old, &new) => {
+                merge(old, new);
+            }
+            (_, change) => {
+                table.insert(name, change);
+            }
+        }
+    }
+}
+
+/// Variants are told apart by `kind`, or by being the only key of a table.
+fn is_other_variant(old: &toml::Table, new: &toml::Table) -> bool {
+    match (old.get("kind"), new.get("kind")) {
+        (old_kind, Some(new_kind)) => old_kind != Some(new_kind),
+        (Some(_), None) => false,
+        (None, None) => old.len() == 1 && new.len() == 1 && !old.keys().eq(new.keys()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::describe::Descriptor;
+    use crate::detect::{Detector, Fast, FastThreshold};
+    use crate::model::Representation;
+    use crate::vocabulary::Normalization;
+
+    fn read(parameters: &[&str]) -> anyhow::Result<Config> {
+        let parameters = parameters.iter().map(|&parameter| parameter.to_owned()).collect();
+        ConfigArgs { config: None, parameters, mask: None }.read()
+    }
+
+    #[test]
+    fn single_parameters_change_the_defaults() {
+        let config = read(&[
+            "representation.n_words=50",
+            "representation.normalization=l1",
+            "detector.threshold.fixed=20",
+            "descriptor.kind=lbp",
+            "seed=3",
+        ]);
+        let config = config.unwrap();
+        let Representation::Bag(bag) = &config.representation;
+        assert_eq!((bag.n_words, bag.normalization, config.seed), (50, Normalization::L1, 3));
+        assert_eq!(config.detector, Detector::Fast(Fast { threshold: FastThreshold::Fixed(20) }));
+        assert!(matches!(config.descriptor, Descriptor::Lbp(_)));
+        assert_eq!(read(&[]).unwrap(), Config::default());
+    }
+
+    #[test]
+    fn wrong_parameters_are_named() {
+        let error = |parameter: &str| format!("{:#}", read(&[parameter]).unwrap_err());
+        assert!(error("representation.n_wrods=50").contains("n_wrods"));
+        assert!(error("seed").contains("NAME=VALUE"));
+        assert!(error("descriptor.kind=sift").contains("sift"));
+        assert!(error("representation.n_words=0").contains("words"));
+    }
+}

@@ -1,0 +1,154 @@
+//! `roomsight inspect`: the card of a model, or what the core sees in a frame.
+
+use super::data::{self, CameraName, ConfigArgs};
+use super::output;
+use crate::camera::{Camera, CameraKind, Projection};
+use crate::describe::{Descriptor, Region};
+use crate::detect::Keypoint;
+use crate::image::Image;
+use crate::model::{Extractor, LoadedModel, Model, Scratch};
+use anyhow::{Context, bail};
+use clap::Args;
+use image::{Rgb, RgbImage};
+use std::path::{Path, PathBuf};
+
+const CORNER_COLOR: Rgb<u8> = Rgb([255, 70, 50]);
+const REGION_COLOR: Rgb<u8> = Rgb([60, 200, 120]);
+const HIDDEN_TINT: Rgb<u8> = Rgb([70, 60, 140]);
+
+/// Show a model's card, or draw the corners and regions of a frame into a PNG
+#[derive(Args)]
+pub(super) struct InspectArgs {
+    /// Model folder, or an image file
+    model_or_frame: PathBuf,
+    /// For a frame: look at it as this model does [default: the default configuration]
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["camera", "config", "parameters", "mask"])]
+    model: Option<PathBuf>,
+    /// For a frame: the camera it comes from; a mirror needs --model
+    #[arg(long, value_enum, default_value = "perspective")]
+    camera: CameraName,
+    /// For a frame: the PNG to write [default: the frame's name with .inspect.png]
+    #[arg(short, long, value_name = "PNG")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    config: ConfigArgs,
+    /// For a model: print the card as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Tells a model from a frame by what lies at the path.
+pub(super) fn run(args: &InspectArgs) -> anyhow::Result<()> {
+    let path = &args.model_or_frame;
+    if path.is_dir() || path.extension().is_some_and(|extension| extension == "safetensors") {
+        print_card(&Model::load(path)?, args.json)
+    } else {
+        draw(args, path)
+    }
+}
+
+fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow::Result<()> {
+    let card = model.card();
+    if json {
+        let about = serde_json::json!({
+            "digest": digest, "places": model.places(), "camera": model.camera().projection,
+            "n_support_vectors": model.n_support_vectors(), "known_probability": model.known_probability(),
+            "card": card, "config": model.config(),
+        });
+        println!("{}", serde_json::to_string_pretty(&about)?);
+        return Ok(());
+    }
+    let mut table = output::table(["model", ""]);
+    let mut add = |name: &str, value: String| {
+        table.add_row([name.to_owned(), value]);
+    };
+    if !card.description.is_empty() {
+        add("description", card.description.clone());
+    }
+    add("rooms", model.places().join(", "));
+    add("camera", serde_json::to_string(&model.camera().projection)?);
+    let simulated = if card.simulated { ", simulated" } else { "" };
+    add("trained on", format!("{} frames{simulated}: {}", card.n_frames, card.sequences.join(", ")));
+    for measured in &card.measured {
+        add("measured", format!("{:.4} of {} ({})", measured.rate, measured.n_frames, measured.data));
+    }
+    add("known from probability", format!("{:.2}", model.known_probability()));
+    add("support vectors", format!("{:?}", model.n_support_vectors()));
+    add("trained by", card.trained_by.clone());
+    add("digest", digest.clone());
+    println!("{table}\n\n{}", toml::to_string(model.config())?);
+    Ok(())
+}
+
+fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
+    let (config, camera) = match &args.model {
+        Some(folder) => {
+            let model = Model::load(folder)?.model;
+            (model.config().clone(), model.camera().clone())
+        }
+        None => (args.config.read()?, Camera::new(projection(args.camera.into())?)),
+    };
+    let image = data::read_image(path)?;
+    let features = Extractor::new(&config, camera.clone()).extract(&image, &mut Scratch::default());
+    let working = image.shrink_to(config.longest_side).unwrap_or(image);
+    let region = match &config.descriptor {
+        Descriptor::Lbp(lbp) => lbp.region,
+        Descriptor::CsLbp(cs_lbp) => cs_lbp.region,
+    };
+    let picture = picture(&working, &camera, &features.keypoints, region);
+    let output = args.output.clone().unwrap_or_else(|| path.with_extension("inspect.png"));
+    picture.save_with_format(&output, image::ImageFormat::Png).with_context(|| output.display().to_string())?;
+    println!("{} corners, drawn into {}", features.keypoints.len(), output.display());
+    Ok(())
+}
+
+fn projection(kind: CameraKind) -> anyhow::Result<Projection> {
+    Ok(match kind {
+        CameraKind::Perspective => Projection::Perspective,
+        CameraKind::Equirectangular => Projection::Equirectangular,
+        CameraKind::Omnidirectional => bail!("where the mirror lies is part of a model: give one by --model"),
+    })
+}
+
+/// The frame with its corners, the outlines of their regions, and a tint where nothing is detected.
+fn picture(image: &Image, camera: &Camera, keypoints: &[Keypoint], region: Region) -> RgbImage {
+    let view = camera.view(image.width(), image.height());
+    let mut picture = RgbImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
+        let value = image.row(y as usize)[x as usize];
+        if view.contains(x as f32, y as f32, 0.0) {
+            Rgb([value; 3])
+        } else {
+            Rgb(HIDDEN_TINT.0.map(|tint| tint / 2 + value / 4))
+        }
+    });
+    let half = region.side as f32 / 2.0;
+    for keypoint in keypoints {
+        let (down_x, down_y) = view.radial_direction(keypoint.x, keypoint.y).unwrap_or((0.0, 1.0));
+        let corner = |right: f32, down: f32| {
+            let (right, down) = (right * half, down * half);
+            (keypoint.x + right * down_y + down * down_x, keypoint.y - right * down_x + down * down_y)
+        };
+        let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
+        for side in 0..4 {
+            draw_line(&mut picture, corners[side], corners[(side + 1) % 4], REGION_COLOR);
+        }
+    }
+    for keypoint in keypoints {
+        let (x, y) = (keypoint.x, keypoint.y);
+        draw_line(&mut picture, (x - 2.0, y), (x + 2.0, y), CORNER_COLOR);
+        draw_line(&mut picture, (x, y - 2.0), (x, y + 2.0), CORNER_COLOR);
+    }
+    picture
+}
+
+fn draw_line(picture: &mut RgbImage, from: (f32, f32), to: (f32, f32), color: Rgb<u8>) {
+    let (dx, dy) = (to.0 - from.0, to.1 - from.1);
+    let n_steps = dx.abs().max(dy.abs()).ceil().max(1.0) as usize;
+    for step in 0..=n_steps {
+        let share = step as f32 / n_steps as f32;
+        let (x, y) = ((from.0 + share * dx).round(), (from.1 + share * dy).round());
+        if x >= 0.0 && y >= 0.0 && x < picture.width() as f32 && y < picture.height() as f32 {
+            picture.put_pixel(x as u32, y as u32, color);
+        }
+    }
+}

@@ -1,0 +1,91 @@
+//! `roomsight recognize`: the room of single frames.
+
+use super::{data, output};
+use crate::model::{Model, Recognition, Scratch};
+use anyhow::bail;
+use clap::Args;
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+
+/// Tell which room frames show
+#[derive(Args)]
+pub(super) struct RecognizeArgs {
+    /// Model folder
+    model: PathBuf,
+    /// Image files
+    #[arg(required = true)]
+    frames: Vec<PathBuf>,
+    /// How many of the most probable rooms to print
+    #[arg(long, default_value_t = 3)]
+    top: usize,
+    /// Print the answers as JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// One line of `--json`.
+#[derive(Serialize)]
+struct Line<'a> {
+    frame: &'a Path,
+    room: &'a str,
+    probability: f32,
+    known: bool,
+    keypoints: usize,
+    probabilities: Vec<(&'a str, f32)>,
+}
+
+/// Answers every frame that can be read; fails at the end when one could not.
+pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
+    let model = Model::load(&args.model)?.model;
+    let mut scratch = Scratch::default();
+    let mut table = output::table(["frame", "room", "probability", "known", "keypoints", "others"]);
+    let mut n_failed = 0;
+    for path in &args.frames {
+        let recognition = match data::read_image(path) {
+            Ok(image) => model.recognize(&image, &mut scratch),
+            Err(error) => {
+                eprintln!("{error:#}");
+                n_failed += 1;
+                continue;
+            }
+        };
+        let line = line(&model, path, &recognition, args.top);
+        if args.json {
+            println!("{}", serde_json::to_string(&line)?);
+        } else {
+            let others = line.probabilities.iter().skip(1);
+            let others: Vec<String> = others.map(|(room, p)| format!("{room} {p:.2}")).collect();
+            table.add_row([
+                path.display().to_string(),
+                line.room.to_owned(),
+                format!("{:.2}", line.probability),
+                if line.known { "yes" } else { "no" }.to_owned(),
+                line.keypoints.to_string(),
+                others.join(", "),
+            ]);
+        }
+    }
+    if !args.json && n_failed < args.frames.len() {
+        println!("{table}");
+    }
+    if n_failed > 0 {
+        bail!("{n_failed} of {} frames could not be read", args.frames.len());
+    }
+    Ok(())
+}
+
+fn line<'a>(model: &'a Model, frame: &'a Path, recognition: &Recognition, top: usize) -> Line<'a> {
+    let rooms = model.places().iter().map(String::as_str);
+    let mut probabilities: Vec<(&str, f32)> =
+        rooms.zip(recognition.probabilities.iter().copied()).collect();
+    probabilities.sort_by(|a, b| b.1.total_cmp(&a.1));
+    probabilities.truncate(top);
+    Line {
+        frame,
+        room: &model.places()[recognition.place_idx],
+        probability: recognition.probability(),
+        known: recognition.known,
+        keypoints: recognition.n_keypoints,
+        probabilities,
+    }
+}
