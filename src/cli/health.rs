@@ -14,6 +14,7 @@ pub(super) struct HealthArgs {
     url: String,
 }
 
+/// Asks once, and fails unless the answer is yes.
 pub(super) fn run(args: &HealthArgs) -> anyhow::Result<()> {
     let url = format!("{}/readyz", args.url.trim_end_matches('/'));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;

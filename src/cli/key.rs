@@ -24,6 +24,7 @@ enum KeyCommand {
     },
 }
 
+/// Makes a key and prints it.
 pub(super) fn run(args: &KeyArgs) -> anyhow::Result<()> {
     let KeyCommand::New { role, name } = &args.command;
     let mut random = [0; 32];

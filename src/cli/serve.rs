@@ -45,6 +45,7 @@ pub(super) struct ServeArgs {
     print_config: bool,
 }
 
+/// Serves until told to stop.
 pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
     let settings = Settings::load(args.config.as_deref(), environment(), flags(args))?;
     if args.print_config {

@@ -29,7 +29,6 @@ const MEMORY_WAIT: Duration = Duration::from_secs(1);
 const FIELD: &str = "frame";
 
 /// The bytes of one frame, and their share of the memory for bodies.
-#[derive(Clone)]
 pub struct Frame {
     /// The encoded image.
     pub bytes: Bytes,

@@ -2,9 +2,10 @@
 
 use super::api::ProblemBody;
 use super::problem::{Kind, MEDIA_TYPE};
+use axum::http::header::RETRY_AFTER;
 use std::collections::BTreeMap;
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
-use utoipa::openapi::{Content, Ref, RefOr, Response};
+use utoipa::openapi::{Content, HeaderBuilder, Ref, RefOr, Response};
 use utoipa::{IntoResponses, Modify, OpenApi, ToSchema};
 
 /// The name of the security scheme.
@@ -101,6 +102,11 @@ fn responses(kinds: impl IntoIterator<Item = Kind>) -> BTreeMap<String, RefOr<Re
         .into_iter()
         .map(|(status, texts)| {
             let mut response = Response::new(texts.join(" "));
+            if status == Kind::QueueFull.status().as_u16() {
+                let wait =
+                    HeaderBuilder::new().description(Some("Seconds until a slot is likely to be free"));
+                response.headers.insert(RETRY_AFTER.to_string(), RefOr::T(wait.build()));
+            }
             response.content.insert(MEDIA_TYPE.to_owned(), RefOr::T(schema()));
             (status.to_string(), RefOr::T(response))
         })

@@ -55,6 +55,9 @@ async fn a_full_queue_is_told_with_a_time_to_come_back() {
     let wait: u64 = response.headers()["retry-after"].to_str().unwrap().parse().unwrap();
     assert!((1..=60).contains(&wait), "{wait}");
     problem(response, 429, "queue-full").await;
+    // It is told before the body is read, so that this one need not be sent.
+    let response = read_raw(server.send_raw(SLOW_HEAD.as_bytes()), PAUSE).await;
+    assert!(response.starts_with("HTTP/1.1 429 "), "{response}");
     for response in accepted {
         success(response.await.unwrap().unwrap()).await;
     }

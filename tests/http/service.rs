@@ -108,7 +108,7 @@ fn train() -> Model {
         }
     };
     let samples: Vec<Sample> = (0..48).map(sample).collect();
-    Model::train(&samples, &config, camera, |_| ()).expect("a model").model
+    Model::train(&samples.iter().collect::<Vec<_>>(), &config, camera, |_| ()).expect("a model").model
 }
 
 /// A frame of the room stripes, bars or dots, seen from somewhere.
