@@ -112,9 +112,9 @@ impl FromRequest<App> for Frames {
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
         const TYPES: &str = "multipart/form-data with a field `frame` for each frame";
-        let unsupported = BodyError::UnsupportedType(content_type(request.headers()).to_owned(), TYPES);
-        if media_type(request.headers(), TYPES)? != MediaType::Form {
-            return Err(unsupported.into());
+        let headers = request.headers();
+        if media_type(headers, TYPES)? != MediaType::Form {
+            return Err(BodyError::UnsupportedType(content_type(headers).to_owned(), TYPES).into());
         }
         let max_frames = app.settings.max_batch_frames;
         let (request, body) = read(app, request, app.settings.max_batch_bytes).await?;

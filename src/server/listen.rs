@@ -14,6 +14,9 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
 
+/// The most that is read ahead on one connection, and so the longest head of a request. What is no HTTP
+/// or exceeds it is answered by hyper, before there is a request: with 400 or 431 and no body.
+const MAX_BUFFER_BYTES: usize = 64 << 10;
 /// How long to wait after `accept` failed, most likely for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
 
@@ -103,6 +106,7 @@ impl Acceptor {
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
             .header_read_timeout(self.header_timeout)
+            .max_buf_size(MAX_BUFFER_BYTES)
             .keep_alive(life == Life::UntilStop)
             .serve_connection(TokioIo::new(stream), self.service.clone())
             .with_upgrades();

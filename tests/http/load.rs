@@ -89,6 +89,14 @@ async fn a_head_that_never_ends_is_cut_off() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_head_that_is_too_long_is_refused() {
+    let server = Server::start(Settings::default()).await;
+    let head = format!("GET /livez HTTP/1.1\r\nhost: x\r\nx-long: {}", "x".repeat(100_000));
+    let response = read_raw(server.send_raw(head.as_bytes()), SOON).await;
+    assert!(response.starts_with("HTTP/1.1 431 "), "{response}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn memory_for_bodies_is_bounded_for_all_callers_together() {
     let settings = Settings {
         max_frame_bytes: 40_000,
