@@ -11,7 +11,7 @@ mod format;
 mod train;
 
 pub use card::{Card, Measurement};
-pub use config::{CalibrationConfig, Classifier, Config, Representation};
+pub use config::{CalibrationConfig, Classifier, Config, Representation, Sigmoids};
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{GoldenFrame, LoadError, LoadedModel, SaveError, load_golden_frames};
 pub use format::{FORMAT_VERSION, FormatError};

@@ -58,7 +58,11 @@ pub fn rounds(samples: &[Sample], protocol: &Protocol, seed: u64) -> Vec<Round> 
             vec![Round::new(samples.len(), |idx| !trains[idx])]
         }
     };
-    rounds.into_iter().map(|round: Round| round.answerable(&labels)).filter(|round| !round.test.is_empty()).collect()
+    rounds
+        .into_iter()
+        .map(|round: Round| round.answerable(&labels))
+        .filter(|round| !round.test.is_empty())
+        .collect()
 }
 
 impl Round {
@@ -149,8 +153,12 @@ mod tests {
     #[test]
     fn sequences_are_never_on_both_sides_and_lonely_rooms_are_left_out() {
         let samples = [
-            sample("hall", "a"), sample("hall", "b"), sample("hall", "c"),
-            sample("bath", "a"), sample("bath", "b"), sample("attic", "c"),
+            sample("hall", "a"),
+            sample("hall", "b"),
+            sample("hall", "c"),
+            sample("bath", "a"),
+            sample("bath", "b"),
+            sample("attic", "c"),
         ];
         let rounds = rounds(&samples, &Protocol::Sequences(3), 0);
         assert_eq!(rounds.len(), 3);

@@ -20,7 +20,13 @@ pub(super) struct DataArgs {
     pub data: PathBuf,
     /// Take the frames of this camera; folders of frames do not name theirs [default: the only one]
     #[arg(long, value_enum)]
-    pub camera: Option<CameraName>,
+    camera: Option<CameraName>,
+    /// Only sequences that match, such as '*cloudy1,*night?'
+    #[arg(long, value_name = "PATTERNS")]
+    sequences: Option<String>,
+    /// Only frames of this split, such as train
+    #[arg(long)]
+    split: Option<String>,
 }
 
 /// A camera on the command line.
@@ -45,17 +51,24 @@ impl From<CameraName> for CameraKind {
 }
 
 impl DataArgs {
-    /// Opens the data set, takes the camera's frames, and reports what is wrong with the rest.
-    pub(super) fn open(&self) -> anyhow::Result<Dataset> {
-        let dataset = dataset::open(&self.data)?;
+    /// Opens the data set, takes the frames asked for, and reports what is wrong with the rest. Where no
+    /// camera is asked for it is `default_camera`, if there is one.
+    pub(super) fn open(&self, default_camera: Option<CameraKind>) -> anyhow::Result<Dataset> {
+        let mut dataset = dataset::open(&self.data)?;
         report(&dataset.problems);
         if dataset.n_unlabeled > 0 {
             eprintln!("{} frames have no room and are left out", dataset.n_unlabeled);
         }
-        Ok(match self.camera {
-            Some(camera) => dataset.with_camera(camera.into())?,
-            None => dataset,
-        })
+        if let Some(camera) = self.camera.map(CameraKind::from).or(default_camera) {
+            dataset = dataset.with_camera(camera)?;
+        }
+        if let Some(patterns) = &self.sequences {
+            dataset = dataset.with_sequences(patterns)?;
+        }
+        if let Some(split) = &self.split {
+            dataset = dataset.with_split(split)?;
+        }
+        Ok(dataset)
     }
 }
 

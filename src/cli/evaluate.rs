@@ -20,12 +20,6 @@ pub(super) struct EvaluateArgs {
     model: PathBuf,
     #[command(flatten)]
     data: DataArgs,
-    /// Only sequences that match, such as '*cloudy2,*night?'
-    #[arg(long, value_name = "PATTERNS")]
-    sequences: Option<String>,
-    /// Only frames of this split, such as test
-    #[arg(long)]
-    split: Option<String>,
     /// Print the rates as JSON
     #[arg(long)]
     json: bool,
@@ -44,16 +38,7 @@ struct Report {
 /// Answers all frames and prints the rates.
 pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     let model = Model::load(&args.model)?.model;
-    let mut dataset = args.data.open()?;
-    if args.data.camera.is_none() {
-        dataset = dataset.with_camera(model.camera().projection.kind())?;
-    }
-    if let Some(patterns) = &args.sequences {
-        dataset = dataset.with_sequences(patterns)?;
-    }
-    if let Some(split) = &args.split {
-        dataset = dataset.with_split(split)?;
-    }
+    let dataset = args.data.open(Some(model.camera().projection.kind()))?;
     if dataset.frames.is_empty() {
         bail!("{} holds no labeled frame", args.data.data.display());
     }
@@ -64,8 +49,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         .collect();
     let evaluation = validate::evaluate(&dataset, &described, &answers);
     let known: BTreeSet<&String> = model.places().iter().collect();
-    let n_of_unknown_rooms =
-        described.samples.iter().filter(|sample| !known.contains(&sample.place)).count();
+    let n_of_unknown_rooms = described.samples.iter().filter(|sample| !known.contains(&sample.place)).count();
     let simulated = data::is_simulated(&args.data.data);
     if args.json {
         let report = Report { model: args.model.clone(), simulated, n_of_unknown_rooms, evaluation };

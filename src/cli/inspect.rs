@@ -97,7 +97,9 @@ fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
     };
     let picture = picture(&working, &camera, &features.keypoints, region);
     let output = args.output.clone().unwrap_or_else(|| path.with_extension("inspect.png"));
-    picture.save_with_format(&output, image::ImageFormat::Png).with_context(|| output.display().to_string())?;
+    picture
+        .save_with_format(&output, image::ImageFormat::Png)
+        .with_context(|| output.display().to_string())?;
     println!("{} corners, drawn into {}", features.keypoints.len(), output.display());
     Ok(())
 }

@@ -31,7 +31,9 @@ pub fn print_evaluation(evaluation: &Evaluation) {
         let mut confusion = table(header);
         for (idx, (place, counts)) in evaluation.places.iter().zip(&evaluation.confusion).enumerate() {
             let mut row = vec![place.clone()];
-            row.extend(counts.iter().map(|&count| if count == 0 { "-".to_owned() } else { count.to_string() }));
+            row.extend(
+                counts.iter().map(|&count| if count == 0 { "-".to_owned() } else { count.to_string() }),
+            );
             row.push(rate(&evaluation.by_place[idx]));
             confusion.add_row(row);
         }

@@ -76,8 +76,7 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
 
 fn line<'a>(model: &'a Model, frame: &'a Path, recognition: &Recognition, top: usize) -> Line<'a> {
     let rooms = model.places().iter().map(String::as_str);
-    let mut probabilities: Vec<(&str, f32)> =
-        rooms.zip(recognition.probabilities.iter().copied()).collect();
+    let mut probabilities: Vec<(&str, f32)> = rooms.zip(recognition.probabilities.iter().copied()).collect();
     probabilities.sort_by(|a, b| b.1.total_cmp(&a.1));
     probabilities.truncate(top);
     Line {

@@ -31,12 +31,6 @@ pub(super) struct TrainArgs {
     /// New folder for the model; serve finds models as MODELS/NAME/VERSION, such as models/lab/1
     #[arg(short, long, value_name = "MODEL")]
     output: PathBuf,
-    /// Only sequences that match, such as '*cloudy1,*night?'
-    #[arg(long, value_name = "PATTERNS")]
-    sequences: Option<String>,
-    /// Only frames of this split, such as train
-    #[arg(long)]
-    split: Option<String>,
     #[command(flatten)]
     config: ConfigArgs,
     /// A sentence about the model for its card
@@ -63,13 +57,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     if args.output.exists() {
         bail!("{} exists already; a model never changes: choose another folder", args.output.display());
     }
-    let mut dataset = args.data.open()?;
-    if let Some(patterns) = &args.sequences {
-        dataset = dataset.with_sequences(patterns)?;
-    }
-    if let Some(split) = &args.split {
-        dataset = dataset.with_split(split)?;
-    }
+    let dataset = args.data.open(None)?;
     dataset.check()?;
     let config = args.config.read()?;
     let camera = args.config.camera(&dataset)?;

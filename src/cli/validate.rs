@@ -84,7 +84,7 @@ struct Report {
 
 /// Runs all seeds and prints mean, deviation and best.
 pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
-    let dataset = args.data.open()?;
+    let dataset = args.data.open(None)?;
     let config = args.config.read()?;
     let reports = match (&args.train, &args.train_split) {
         (None, None) => vec![by_protocol(args, &config, dataset)?],
@@ -156,7 +156,9 @@ fn by_given_split(
         shared.map(|frame| (name, frame))
     }) {
         let path = frame.path.display();
-        bail!("{path} would train and be answered ({name}): choose sequences or splits without common frames");
+        bail!(
+            "{path} would train and be answered ({name}): choose sequences or splits without common frames"
+        );
     }
     let camera = args.config.camera(&training)?;
     let extractor = Extractor::new(config, camera.clone());
@@ -186,7 +188,8 @@ fn by_given_split(
     }
     bar.finish_and_clear();
     let simulated = data::is_simulated(&args.data.data);
-    let report = |(test, evaluations): (&Test, Vec<Evaluation>)| Report::new(&test.name, simulated, evaluations);
+    let report =
+        |(test, evaluations): (&Test, Vec<Evaluation>)| Report::new(&test.name, simulated, evaluations);
     Ok(tests.iter().zip(evaluations.into_values()).map(report).collect())
 }
 
@@ -210,7 +213,8 @@ fn print(reports: &[Report]) {
     if reports.iter().any(|report| report.simulated) {
         println!("Simulated frames.\n");
     }
-    let mut table = output::table(["answered", "frames", "seeds", "mean", "std", "best", "by room", "off borders"]);
+    let mut table =
+        output::table(["answered", "frames", "seeds", "mean", "std", "best", "by room", "off borders"]);
     let digits = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4}"));
     for report in reports {
         let n_frames = report.evaluations.first().map_or(0, |evaluation| evaluation.overall.n_frames);

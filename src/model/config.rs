@@ -58,9 +58,21 @@ pub struct CalibrationConfig {
     /// Training frames are dealt into this many folds, whole sequences where there are several; each fold
     /// is answered by a model that was trained without it. At least 2.
     pub n_folds: usize,
+    /// Whether each machine has its own sigmoid.
+    pub sigmoids: Sigmoids,
     /// An answer counts as known when held-out answers at least as probable were right this often, from 0
     /// to 1.
     pub known_precision: f32,
+}
+
+/// The sigmoids that turn decision values into probabilities.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Sigmoids {
+    /// One a machine, as in LIBSVM. Needs held-out frames that are like those to come.
+    PerMachine,
+    /// The same for all machines: held-out frames decide how sure the answers are, but not which they are.
+    Shared,
 }
 
 impl Default for Config {
@@ -79,7 +91,7 @@ impl Default for Config {
 
 impl Default for CalibrationConfig {
     fn default() -> Self {
-        Self { n_folds: 5, known_precision: 0.9 }
+        Self { n_folds: 5, sigmoids: Sigmoids::Shared, known_precision: 0.9 }
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{
     Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition, Representation,
+    Sigmoids,
 };
 use crate::camera::Camera;
 use crate::folds::{folds, spread_single_fold_labels};
@@ -211,7 +212,11 @@ impl Trainer<'_> {
         if labels.is_empty() {
             return Err(TrainError::NothingHeldOut);
         }
-        Ok(Calibration::fit(scheme, &values, &labels, self.n_places)?)
+        let fit = match self.config.calibration.sigmoids {
+            Sigmoids::PerMachine => Calibration::fit,
+            Sigmoids::Shared => Calibration::fit_shared,
+        };
+        Ok(fit(scheme, &values, &labels, self.n_places)?)
     }
 
     /// Each fold's answers, calibrated on the other folds; on all where there is only one.

@@ -41,18 +41,32 @@ impl Calibration {
         labels: &[usize],
         n_classes: usize,
     ) -> Result<Self, SvmError> {
-        check_rows(decision_values, labels, n_classes)?;
-        check_shape("decision values", decision_values.n_cols(), scheme.n_machines(n_classes))?;
-        let fitted: Vec<Option<Sigmoid>> = scheme
-            .machines(n_classes)
-            .into_iter()
-            .enumerate()
-            .map(|(machine_idx, machine)| Samples::of(machine, machine_idx, decision_values, labels).fit())
-            .collect();
+        let samples = Samples::of_machines(scheme, decision_values, labels, n_classes)?;
+        let fitted: Vec<Option<Sigmoid>> =
+            samples.into_iter().map(|samples| samples.scaled().fit()).collect();
         let fallback = Sigmoid::mean(&fitted);
         let sigmoids = fitted.into_iter().map(|sigmoid| sigmoid.unwrap_or(fallback));
         let (slopes, offsets) = sigmoids.map(Sigmoid::to_f32).unzip();
         Self::from_parts(scheme, n_classes, slopes, offsets)
+    }
+
+    /// As [`Calibration::fit`], but with the same sigmoid for all machines. With one machine a class, the
+    /// most probable class is then always the one of the largest decision value: held-out rows can make the
+    /// answers less sure, but never change them.
+    ///
+    /// # Errors
+    /// As [`Calibration::fit`].
+    pub fn fit_shared(
+        scheme: Scheme,
+        decision_values: &Matrix,
+        labels: &[usize],
+        n_classes: usize,
+    ) -> Result<Self, SvmError> {
+        let samples = Samples::of_machines(scheme, decision_values, labels, n_classes)?;
+        let n_machines = samples.len();
+        let shared = samples.into_iter().reduce(Samples::joined).and_then(|samples| samples.scaled().fit());
+        let (slope, offset) = shared.unwrap_or_else(|| Sigmoid::mean(&[])).to_f32();
+        Self::from_parts(scheme, n_classes, vec![slope; n_machines], vec![offset; n_machines])
     }
 
     /// Puts a calibration together from its arrays, as [`Calibration::slopes`] and
@@ -179,15 +193,36 @@ struct Samples {
 }
 
 impl Samples {
-    fn of(machine: Machine, machine_idx: usize, decision_values: &Matrix, labels: &[usize]) -> Self {
-        let (mut values, positive): (Vec<f64>, Vec<bool>) = decision_values
-            .rows()
-            .zip(labels)
-            .filter_map(|(row, &label)| Some((f64::from(row[machine_idx]), machine.side(label)?)))
-            .unzip();
-        let scale = values.iter().fold(1.0, |scale: f64, value| scale.max(value.abs()));
-        values.iter_mut().for_each(|value| *value /= scale);
-        Self { values, positive, scale }
+    /// One a machine, not yet scaled.
+    fn of_machines(
+        scheme: Scheme,
+        decision_values: &Matrix,
+        labels: &[usize],
+        n_classes: usize,
+    ) -> Result<Vec<Self>, SvmError> {
+        check_rows(decision_values, labels, n_classes)?;
+        check_shape("decision values", decision_values.n_cols(), scheme.n_machines(n_classes))?;
+        let of = |(machine_idx, machine): (usize, Machine)| {
+            let (values, positive): (Vec<f64>, Vec<bool>) = decision_values
+                .rows()
+                .zip(labels)
+                .filter_map(|(row, &label)| Some((f64::from(row[machine_idx]), machine.side(label)?)))
+                .unzip();
+            Self { values, positive, scale: 1.0 }
+        };
+        Ok(scheme.machines(n_classes).into_iter().enumerate().map(of).collect())
+    }
+
+    fn joined(mut self, other: Self) -> Self {
+        self.values.extend(other.values);
+        self.positive.extend(other.positive);
+        self
+    }
+
+    fn scaled(mut self) -> Self {
+        self.scale = self.values.iter().fold(1.0, |scale: f64, value| scale.max(value.abs()));
+        self.values.iter_mut().for_each(|value| *value /= self.scale);
+        self
     }
 
     /// `None` when there is no sample of one side.
@@ -304,6 +339,18 @@ mod tests {
             let first = |value: f32| calibration.probabilities(&[value, -value][..n_machines])[0];
             assert!(first(2.0) > first(0.0) && first(0.0) > first(-2.0));
             assert!(first(2.0) - first(-2.0) < 0.2, "it is unsure");
+        }
+    }
+
+    #[test]
+    fn a_shared_sigmoid_never_changes_the_answer() {
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        let mut values = Matrix::new(4);
+        let labels: Vec<usize> = (0..80).map(|row_idx| row_idx % 4).collect();
+        labels.iter().for_each(|_| values.push_row(&std::array::from_fn::<f32, 4, _>(|_| rng.random())));
+        let calibration = Calibration::fit_shared(Scheme::OneVsAll, &values, &labels, 4).unwrap();
+        for row in values.rows() {
+            assert_eq!(most_probable(&calibration.probabilities(row)), most_probable(row));
         }
     }
 
