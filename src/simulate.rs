@@ -368,3 +368,6 @@ fn mixed(key: &[u64]) -> u64 {
         z ^ (z >> 31)
     })
 }
+
+#[cfg(test)]
+mod tests;

@@ -254,7 +254,8 @@ fn lamp_radiance(b: &mut Builder) -> Color {
 
 fn wall_material(b: &mut Builder, kind: RoomKind) -> Material {
     let variant = b.variant();
-    let tint = vec3(b.fixed(0.85, 1.0), b.fixed(0.85, 1.0), b.fixed(0.8, 1.0));
+    let shade = b.fixed(0.82, 1.0);
+    let tint = vec3(shade, shade * b.fixed(0.95, 1.02), shade * b.fixed(0.88, 1.02));
     let material = match kind {
         RoomKind::Bathroom => b.tiled(Pattern::Tiles, variant, 0.8),
         _ => b.tiled(Pattern::Plaster, variant, 1.9),

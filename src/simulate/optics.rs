@@ -205,7 +205,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_ray_that_aims_for_the_focus_is_reflected_into_the_pinhole(
-            angle in 0.0_f32..6.28, from_axis in 0.01_f32..0.42,
+            angle in 0.0_f32..std::f32::consts::TAU, from_axis in 0.01_f32..0.42,
         ) {
             let w = vec3(angle.cos() * from_axis, angle.sin() * from_axis, 1.0);
             let point = mirror_point(w);

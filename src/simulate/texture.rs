@@ -77,7 +77,8 @@ impl Mipmap {
 
     fn sample(&self, [u, v]: [f32; 2], footprint: f32) -> Color {
         let texels = footprint * self.levels[0].side as f32 * std::f32::consts::SQRT_2;
-        let level_idx = if texels < 2.0 { 0 } else { texels.log2() as usize };
+        // The exponent of a float is the whole part of its logarithm.
+        let level_idx = ((texels.max(1.0).to_bits() >> 23) - 127) as usize;
         self.levels[level_idx.min(self.levels.len() - 1)].sample(u, v)
     }
 }

@@ -104,8 +104,7 @@ pub(super) fn dining_table(b: &mut Builder) {
 /// Partitions, a door that is shut or ajar, and a toilet behind it.
 pub(super) fn stall(b: &mut Builder) {
     const HEIGHT: f32 = 1.95;
-    let shade = [b.fixed(0.3, 0.8), b.fixed(0.4, 0.8), b.fixed(0.4, 0.85)];
-    let panel = b.paint(vec3(shade[0], shade[1], shade[2]));
+    let panel = b.paint(vec3(0.55, 0.66, 0.68));
     for x in [-0.46, 0.46] {
         b.block([x, 0.57, HEIGHT / 2.0 + 0.1], [0.03, 1.1, HEIGHT - 0.2], panel);
     }
