@@ -70,6 +70,11 @@ impl Trajectory {
         self.lengths.last().copied().unwrap_or(0.0)
     }
 
+    /// Points of the curve, about a decimeter apart.
+    pub fn points(&self) -> Vec<[f32; 2]> {
+        (0..(self.length() * 10.0) as usize).map(|step| self.point_at(step as f32 * 0.1)).collect()
+    }
+
     /// The pose after driving this far; the ends for distances beyond them.
     pub fn pose_at(&self, distance: f32) -> Pose {
         const HEADING_REACH: f32 = 0.12;

@@ -205,3 +205,24 @@ fn a_folder_with_foreign_files_is_left_alone() {
     assert!(matches!(refused, Err(SimulateError::ForeignFolder(_))));
     assert_eq!(fs::read_dir(root.path()).unwrap().count(), 1);
 }
+
+#[test]
+fn nothing_stands_where_the_robot_drives() {
+    for (&lab, &part) in Lab::ALL.iter().flat_map(|lab| Part::ALL.iter().map(move |part| (lab, part))) {
+        let simulation =
+            small(&SequenceSpec { lab, part, route: Route::Extended, ..spec(Illumination::Night, 1) });
+        for frame_idx in (0..simulation.n_frames()).step_by(3) {
+            let Pose { x, y, .. } = simulation.pose(frame_idx);
+            for (height, direction) in [0.3, 0.7, 1.1].into_iter().flat_map(|h| (0..8).map(move |d| (h, d))) {
+                let (sin, cos) = (0.1 + direction as f32 * std::f32::consts::FRAC_PI_4).sin_cos();
+                let inside = vec3(x, y, height);
+                let outline = inside + vec3(cos, sin, 0.01) * 0.22;
+                let place = simulation.place(frame_idx);
+                assert!(
+                    simulation.scene.is_clear(inside, outline),
+                    "{lab:?} {part:?} at ({x}, {y}) in {place}"
+                );
+            }
+        }
+    }
+}

@@ -47,6 +47,7 @@ pub(super) struct Textures(Vec<Mipmap>);
 impl Textures {
     /// The linear color at (u, v), both in repeats of the texture with v downward, averaged over about
     /// `footprint` repeats.
+    #[inline]
     pub fn sample(&self, id: TextureId, [u, v]: [f32; 2], footprint: f32) -> Color {
         self.0[id.0].sample([u, v], footprint)
     }
@@ -90,6 +91,7 @@ impl Level {
         Self { side, texels }
     }
 
+    #[inline]
     fn sample(&self, u: f32, v: f32) -> Color {
         let (column, right) = split(u * self.side as f32 - 0.5);
         let (row, lower) = split(v * self.side as f32 - 0.5);

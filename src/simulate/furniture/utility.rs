@@ -94,10 +94,11 @@ pub(super) fn dining_table(b: &mut Builder) {
     let seat = b.paint(vec3(0.6, 0.2, 0.15));
     for x in [-0.3, 0.3] {
         let at = [x + b.varying(-0.08, 0.08), 0.9 + b.varying(-0.06, 0.06), 0.0];
-        b.at(at, 0.0, |b| {
+        let stool = |b: &mut Builder| {
             b.cylinder([0.0, 0.0, 0.45], [0.34, 0.34, 0.05], seat);
             b.cylinder([0.0, 0.0, 0.22], [0.06, 0.06, 0.42], seat);
-        });
+        };
+        b.at(at, 0.0, |b| b.beside_the_way(stool));
     }
 }
 
