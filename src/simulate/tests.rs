@@ -3,6 +3,7 @@
 use super::*;
 use std::collections::BTreeSet;
 use std::fs;
+use std::sync::OnceLock;
 
 const SMALL: [usize; 2] = [64, 48];
 
@@ -20,6 +21,12 @@ fn spec(illumination: Illumination, run: u32) -> SequenceSpec {
 
 fn small(spec: &SequenceSpec) -> Simulation {
     Simulation::with_size(spec, SMALL).unwrap()
+}
+
+/// One simulation for all tests that do not care which.
+fn any() -> &'static Simulation {
+    static SIMULATION: OnceLock<Simulation> = OnceLock::new();
+    SIMULATION.get_or_init(|| small(&spec(Illumination::Cloudy, 1)))
 }
 
 fn mean(frame: &RgbImage) -> f32 {
@@ -43,7 +50,7 @@ fn frames_are_the_same_bytes_for_any_number_of_threads() {
 
 #[test]
 fn a_standard_path_is_about_as_long_as_those_of_cold_and_driven_at_its_speed() {
-    let simulation = small(&spec(Illumination::Cloudy, 1));
+    let simulation = any();
     assert!((300..=900).contains(&simulation.n_frames()), "{}", simulation.n_frames());
     for frame_idx in 1..simulation.n_frames() {
         let [before, after] = [frame_idx - 1, frame_idx].map(|idx| simulation.pose(idx));
@@ -56,7 +63,7 @@ fn a_standard_path_is_about_as_long_as_those_of_cold_and_driven_at_its_speed() {
 
 #[test]
 fn every_frame_is_labeled_by_the_room_that_it_was_taken_in() {
-    let simulation = small(&spec(Illumination::Cloudy, 1));
+    let simulation = any();
     let mut places = BTreeSet::new();
     for frame_idx in 0..simulation.n_frames() {
         let Pose { x, y, .. } = simulation.pose(frame_idx);
@@ -70,7 +77,7 @@ fn every_frame_is_labeled_by_the_room_that_it_was_taken_in() {
 
 #[test]
 fn the_label_changes_where_the_border_is_near() {
-    let simulation = small(&spec(Illumination::Night, 2));
+    let simulation = any();
     let changes: Vec<usize> = (1..simulation.n_frames())
         .filter(|&frame_idx| simulation.place(frame_idx) != simulation.place(frame_idx - 1))
         .collect();
@@ -83,7 +90,7 @@ fn the_label_changes_where_the_border_is_near() {
 
 #[test]
 fn other_runs_and_other_light_drive_differently_through_the_same_lab() {
-    let [first, second] = [1, 2].map(|run| small(&spec(Illumination::Cloudy, run)));
+    let (first, second) = (any(), small(&spec(Illumination::Cloudy, 2)));
     let night = small(&spec(Illumination::Night, 1));
     assert_eq!(first.scene.plan(), second.scene.plan());
     assert_eq!(first.scene.plan(), night.scene.plan());
