@@ -213,6 +213,7 @@ mod tests {
             let e = a.hypot(b);
             let on_mirror = ((point.z + e) / a).powi(2) - (point.x.hypot(point.y) / b).powi(2);
             prop_assert!((on_mirror - 1.0).abs() < 1e-3, "not on the mirror: {on_mirror}");
+            prop_assert!(point.z > -e, "on the other sheet: {point:?}");
             // The gradient of the hyperboloid's equation.
             let normal = vec3(-point.x / (b * b), -point.y / (b * b), (point.z + e) / (a * a)).normalized();
             let incoming = -point.normalized();
