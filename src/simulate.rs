@@ -254,7 +254,7 @@ impl Simulation {
         let encounters = encounters(trajectory.length(), &mut rng);
         let optics = |kind: &CameraKind| Optics::new(*kind, size, &mut seeded(&[spec.seed, spec.lab as u64]));
         let cameras = CameraKind::ALL.iter().map(optics).collect();
-        let scene = Scene::build(spec, plan);
+        let scene = Scene::build(spec, plan, trajectory.points());
         Ok(Self { scene, spec: spec.clone(), trajectory, cameras, encounters })
     }
 
@@ -368,3 +368,6 @@ fn mixed(key: &[u64]) -> u64 {
         z ^ (z >> 31)
     })
 }
+
+#[cfg(test)]
+mod tests;

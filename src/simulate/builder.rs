@@ -1,6 +1,7 @@
 //! Puts solids, lights and panes into a lab, in the coordinates of whatever is being furnished.
 
 use super::light::{Light, Pane};
+use super::plan::Rect;
 use super::solid::{Mapping, Material, Shape, Solid};
 use super::texture::{Palette, Pattern};
 use super::vector::{Color, Vec3, gray, vec3};
@@ -37,10 +38,12 @@ pub(super) struct Builder {
     pub room_idx: usize,
     pub layout: ChaCha8Rng,
     pub run: ChaCha8Rng,
+    /// Points of the robot's way, where nothing may stand.
+    way: Vec<[f32; 2]>,
 }
 
 impl Builder {
-    pub fn new(layout: ChaCha8Rng, run: ChaCha8Rng) -> Self {
+    pub fn new([layout, run]: [ChaCha8Rng; 2], way: Vec<[f32; 2]>) -> Self {
         Self {
             solids: Vec::new(),
             lights: Vec::new(),
@@ -50,6 +53,7 @@ impl Builder {
             room_idx: 0,
             layout,
             run,
+            way,
         }
     }
 
@@ -59,6 +63,22 @@ impl Builder {
         self.frame = outer.moved(to, yaw);
         build(self);
         self.frame = outer;
+    }
+
+    /// Builds something, and takes it away again if it is in the robot's way.
+    pub fn beside_the_way(&mut self, build: impl FnOnce(&mut Self)) {
+        const CLEARANCE: f32 = 0.27;
+        let n_solids = self.solids.len();
+        build(self);
+        let blocks = |solid: &Solid| {
+            let [x0, y0, x1, y1] = solid.footprint();
+            let floor =
+                Rect { x0: x0 - CLEARANCE, y0: y0 - CLEARANCE, x1: x1 + CLEARANCE, y1: y1 + CLEARANCE };
+            self.way.iter().any(|&[x, y]| floor.contains(x, y))
+        };
+        if self.solids[n_solids..].iter().any(blocks) {
+            self.solids.truncate(n_solids);
+        }
     }
 
     /// A box of this size round a local point.

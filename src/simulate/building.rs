@@ -139,15 +139,17 @@ impl Shell {
         piece([from, wall.length], [0.0, self.ceiling]);
     }
 
-    /// The frame round a door or passage.
+    /// The frame round a door or passage: it stands out from the wall, also into the opening.
     fn trim(&self, b: &mut Builder, opening: &Opening) {
-        const WIDTH: f32 = 0.07;
-        let half = (opening.width + WIDTH) / 2.0;
+        const WIDTH: f32 = 0.08;
+        const INTO: f32 = 0.01;
+        const DEPTH: f32 = WALL + 0.02;
+        let half = (opening.width + WIDTH) / 2.0 - INTO;
         for x in [-half, half] {
-            b.block([x, WALL / 2.0, opening.top / 2.0], [WIDTH, WALL + 0.03, opening.top], self.trim);
+            b.block([x, DEPTH / 2.0, opening.top / 2.0], [WIDTH, DEPTH, opening.top], self.trim);
         }
-        let length = opening.width + 2.0 * WIDTH;
-        b.block([0.0, WALL / 2.0, opening.top + WIDTH / 2.0], [length, WALL + 0.03, WIDTH], self.trim);
+        let lintel = [0.0, DEPTH / 2.0, opening.top + WIDTH / 2.0 - INTO];
+        b.block(lintel, [opening.width + 2.0 * (WIDTH - INTO), DEPTH, WIDTH], self.trim);
     }
 
     /// A door's leaf, hinged on the side of the nearer corner.
@@ -254,7 +256,8 @@ fn lamp_radiance(b: &mut Builder) -> Color {
 
 fn wall_material(b: &mut Builder, kind: RoomKind) -> Material {
     let variant = b.variant();
-    let tint = vec3(b.fixed(0.85, 1.0), b.fixed(0.85, 1.0), b.fixed(0.8, 1.0));
+    let shade = b.fixed(0.82, 1.0);
+    let tint = vec3(shade, shade * b.fixed(0.95, 1.02), shade * b.fixed(0.88, 1.02));
     let material = match kind {
         RoomKind::Bathroom => b.tiled(Pattern::Tiles, variant, 0.8),
         _ => b.tiled(Pattern::Plaster, variant, 1.9),

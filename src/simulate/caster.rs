@@ -3,10 +3,13 @@
 
 use super::plan::Rect;
 use super::solid::Solid;
-use super::vector::Vec3;
+use super::vector::{Vec3, gray};
 
 /// The side of a grid cell, in meters.
-const CELL: f32 = 0.4;
+const CELL: f32 = 0.6;
+
+/// By how much solids are taken for larger than they are when they are sorted out, in meters.
+const ROUNDING: f32 = 1e-3;
 
 /// The solids of a lab, by where they stand.
 pub(super) struct Caster {
@@ -17,7 +20,7 @@ pub(super) struct Caster {
     n_cells: [usize; 2],
     /// Where the solids of each cell begin in `entries`, one more than there are cells.
     starts: Vec<u32>,
-    entries: Vec<u32>,
+    entries: Vec<Entry>,
 }
 
 /// The first hit of a ray.
@@ -39,11 +42,11 @@ impl Caster {
             let range = |low: f32, high: f32, axis: usize| {
                 let cell =
                     |at: f32| ((at - corner[axis]) / CELL).clamp(0.0, (n_cells[axis] - 1) as f32) as usize;
-                cell(low - 1e-3)..=cell(high + 1e-3)
+                cell(low - ROUNDING)..=cell(high + ROUNDING)
             };
             for row in range(y0, y1, 1) {
                 for column in range(x0, x1, 0) {
-                    cells[row * n_cells[0] + column].push(solid_idx as u32);
+                    cells[row * n_cells[0] + column].push(Entry::new(solid_idx, solid));
                 }
             }
         }
@@ -62,15 +65,16 @@ impl Caster {
 
     /// The nearest hit within `reach`.
     pub fn cast(&self, origin: Vec3, direction: Vec3, reach: f32) -> Option<Hit> {
+        let beam = Beam::new(origin, direction);
         let mut nearest = Hit { distance: reach, solid_idx: usize::MAX };
-        self.walk(origin, direction, |cell, until| {
-            for &solid_idx in cell {
-                let distance = self.solids[solid_idx as usize].entry(origin, direction);
+        self.walk(&beam, |cell, range| {
+            for solid_idx in beam.candidates(cell, range) {
+                let distance = self.solids[solid_idx].entry(origin, direction);
                 if distance < nearest.distance {
-                    nearest = Hit { distance, solid_idx: solid_idx as usize };
+                    nearest = Hit { distance, solid_idx };
                 }
             }
-            nearest.distance <= until
+            nearest.distance <= range[1]
         });
         (nearest.solid_idx != usize::MAX).then_some(nearest)
     }
@@ -80,19 +84,20 @@ impl Caster {
         let way = to - from;
         let length = way.length();
         let direction = way * (1.0 / length);
+        let beam = Beam::new(from, direction);
         let mut is_blocked = false;
-        self.walk(from, direction, |cell, until| {
-            let blocks = |&idx: &u32| self.solids[idx as usize].entry(from, direction) < length - 1e-3;
-            is_blocked = cell.iter().any(blocks);
-            is_blocked || until >= length
+        self.walk(&beam, |cell, range| {
+            let blocks = |idx: usize| self.solids[idx].entry(from, direction) < length - 1e-3;
+            is_blocked = beam.candidates(cell, range).any(blocks);
+            is_blocked || range[1] >= length
         });
         !is_blocked
     }
 
-    /// Calls `visit` with the solids of every cell along a ray and the distance at which the ray leaves
-    /// it, until `visit` says that it has seen enough or the grid ends.
+    /// Calls `visit` with every cell along a ray and the distances at which the ray enters and leaves it,
+    /// until `visit` says that it has seen enough or the grid ends.
     #[inline]
-    fn walk(&self, origin: Vec3, direction: Vec3, mut visit: impl FnMut(&[u32], f32) -> bool) {
+    fn walk(&self, beam: &Beam, mut visit: impl FnMut(&[Entry], [f32; 2]) -> bool) {
         let axis = |at: f32, slope: f32, idx: usize| {
             let place = (at - self.corner[idx]) / CELL;
             let cell = place as isize;
@@ -100,15 +105,19 @@ impl Caster {
             let share = if slope > 0.0 { (cell + 1) as f32 - place } else { place - cell as f32 };
             (cell, if slope > 0.0 { 1 } else { -1 }, share * per_cell, per_cell)
         };
+        let Beam { origin, direction, .. } = *beam;
         let (mut column, step_x, mut next_x, per_column) = axis(origin.x, direction.x, 0);
         let (mut row, step_y, mut next_y, per_row) = axis(origin.y, direction.y, 1);
         let [n_columns, n_rows] = self.n_cells.map(|n| n as isize);
+        let mut from = 0.0;
         while (0..n_columns).contains(&column) && (0..n_rows).contains(&row) {
             let cell_idx = (row * n_columns + column) as usize;
             let cell = &self.entries[self.starts[cell_idx] as usize..self.starts[cell_idx + 1] as usize];
-            if visit(cell, next_x.min(next_y)) {
+            let to = if next_x < next_y { next_x } else { next_y };
+            if visit(cell, [from, to]) {
                 return;
             }
+            from = to;
             if next_x < next_y {
                 column += step_x;
                 next_x += per_column;
@@ -120,12 +129,71 @@ impl Caster {
     }
 }
 
+/// A solid in a cell, with what it takes to pass over most of them quickly.
+#[derive(Clone, Copy)]
+struct Entry {
+    solid_idx: u32,
+    bottom: f32,
+    top: f32,
+    /// Where its axis stands, and how far it reaches from there, squared.
+    axis: [f32; 2],
+    squared_reach: f32,
+}
+
+impl Entry {
+    fn new(solid_idx: usize, solid: &Solid) -> Self {
+        let half = solid.half + gray(ROUNDING);
+        Self {
+            solid_idx: solid_idx as u32,
+            bottom: solid.center.z - half.z,
+            top: solid.center.z + half.z,
+            axis: [solid.center.x, solid.center.y],
+            squared_reach: half.x * half.x + half.y * half.y,
+        }
+    }
+}
+
+/// A ray, prepared for passing over solids.
+struct Beam {
+    origin: Vec3,
+    direction: Vec3,
+    /// The squared length of the direction's shadow on the floor.
+    squared_shadow: f32,
+}
+
+impl Beam {
+    fn new(origin: Vec3, direction: Vec3) -> Self {
+        let squared_shadow = direction.x * direction.x + direction.y * direction.y;
+        Self { origin, direction, squared_shadow }
+    }
+
+    /// The solids of a cell that the ray may meet between the distances at which it enters and leaves.
+    #[inline]
+    fn candidates<'a>(&'a self, cell: &'a [Entry], range: [f32; 2]) -> impl Iterator<Item = usize> + 'a {
+        let heights = range.map(|distance| self.origin.z + distance * self.direction.z);
+        let may_meet = move |entry: &&Entry| self.may_meet(entry, heights);
+        cell.iter().filter(may_meet).map(|entry| entry.solid_idx as usize)
+    }
+
+    #[inline]
+    fn may_meet(&self, entry: &Entry, [from, to]: [f32; 2]) -> bool {
+        let is_above = entry.bottom > from && entry.bottom > to;
+        let is_below = entry.top < from && entry.top < to;
+        if is_above || is_below {
+            return false;
+        }
+        let [x, y] = [entry.axis[0] - self.origin.x, entry.axis[1] - self.origin.y];
+        let aside = x * self.direction.y - y * self.direction.x;
+        aside * aside <= entry.squared_reach * self.squared_shadow
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::simulate::solid::{Mapping, Material, Shape};
     use crate::simulate::texture::{Palette, Pattern};
-    use crate::simulate::vector::{gray, vec3};
+    use crate::simulate::vector::vec3;
     use proptest::prelude::*;
 
     fn pillar(x: f32, y: f32, size: [f32; 3]) -> Solid {

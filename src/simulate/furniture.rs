@@ -107,7 +107,7 @@ fn line_wall(b: &mut Builder, room: &Room, side: Side, margins: [f32; 2], items:
             let yaw = if item.is_movable() { b.varying(-0.3, 0.3) } else { b.varying(-0.01, 0.01) };
             b.frame = wall.frame;
             let n_solids = b.solids.len();
-            b.at([(from + to) / 2.0 + shift, WALL + 0.01, 0.0], yaw, |b| item.build(b));
+            b.at([(from + to) / 2.0 + shift, WALL + 0.01, 0.0], yaw, |b| b.beside_the_way(|b| item.build(b)));
             if is_away {
                 b.solids.truncate(n_solids);
             }
@@ -154,7 +154,7 @@ fn island(b: &mut Builder, room: &Room, margin: f32, item: Item) {
     let n_pieces = (width / item.width()) as usize;
     for piece in 0..n_pieces {
         let x = (piece as f32 - (n_pieces - 1) as f32 / 2.0) * item.width();
-        b.at([x, -item.depth() / 2.0, 0.0], 0.0, |b| item.build(b));
+        b.at([x, -item.depth() / 2.0, 0.0], 0.0, |b| b.beside_the_way(|b| item.build(b)));
     }
 }
 
@@ -180,7 +180,7 @@ fn furnish_corridor(b: &mut Builder, room: &Room) {
             if wall.is_solid(room, [at - reach, at + reach], 1.0) {
                 let n_solids = b.solids.len();
                 b.frame = wall.frame;
-                b.at([at, WALL + 0.01, 0.0], 0.0, |b| item.build(b));
+                b.at([at, WALL + 0.01, 0.0], 0.0, |b| b.beside_the_way(|b| item.build(b)));
                 if is_away {
                     b.solids.truncate(n_solids);
                 }

@@ -137,6 +137,7 @@ impl LightField {
     }
 
     /// The radiance of a white surface with this normal at a point of a room, without direct sun.
+    #[inline]
     pub fn irradiance(&self, room_idx: usize, point: Vec3, normal: Vec3) -> Color {
         self.rooms[room_idx].irradiance(point, normal)
     }
@@ -158,6 +159,7 @@ impl RoomField {
         Self { corner, spacing, n_cells, cubes }
     }
 
+    #[inline]
     fn irradiance(&self, point: Vec3, normal: Vec3) -> Color {
         // A little off the surface, where cells are not half inside of it.
         const LIFT: f32 = 0.15;

@@ -205,7 +205,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_ray_that_aims_for_the_focus_is_reflected_into_the_pinhole(
-            angle in 0.0_f32..6.28, from_axis in 0.01_f32..0.42,
+            angle in 0.0_f32..std::f32::consts::TAU, from_axis in 0.01_f32..0.42,
         ) {
             let w = vec3(angle.cos() * from_axis, angle.sin() * from_axis, 1.0);
             let point = mirror_point(w);
@@ -213,6 +213,7 @@ mod tests {
             let e = a.hypot(b);
             let on_mirror = ((point.z + e) / a).powi(2) - (point.x.hypot(point.y) / b).powi(2);
             prop_assert!((on_mirror - 1.0).abs() < 1e-3, "not on the mirror: {on_mirror}");
+            prop_assert!(point.z > -e, "on the other sheet: {point:?}");
             // The gradient of the hyperboloid's equation.
             let normal = vec3(-point.x / (b * b), -point.y / (b * b), (point.z + e) / (a * a)).normalized();
             let incoming = -point.normalized();

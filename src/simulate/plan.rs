@@ -80,8 +80,8 @@ impl RoomKind {
             Self::TerminalRoom => [5.0, 5.2],
             Self::RoboticsLab => [5.4, 5.0],
             Self::PrinterArea => [3.0, 2.8],
-            Self::Kitchen => [3.3, 4.0],
-            Self::Bathroom => [2.9, 4.0],
+            Self::Kitchen => [3.4, 5.0],
+            Self::Bathroom => [3.0, 4.6],
             Self::Stairs => [3.0, 4.6],
         }
     }
@@ -276,6 +276,7 @@ impl Plan {
     }
 
     /// The index of the room that a point stands in; the nearest one for points outside of all.
+    #[inline]
     pub fn room_at(&self, x: f32, y: f32) -> usize {
         let inside = self.rooms.iter().position(|room| room.rect.contains(x, y));
         inside.unwrap_or_else(|| {

@@ -70,6 +70,11 @@ impl Trajectory {
         self.lengths.last().copied().unwrap_or(0.0)
     }
 
+    /// Points of the curve, about a decimeter apart.
+    pub fn points(&self) -> Vec<[f32; 2]> {
+        (0..(self.length() * 10.0) as usize).map(|step| self.point_at(step as f32 * 0.1)).collect()
+    }
+
     /// The pose after driving this far; the ends for distances beyond them.
     pub fn pose_at(&self, distance: f32) -> Pose {
         const HEADING_REACH: f32 = 0.12;
@@ -126,7 +131,11 @@ fn visit(room: &Room, lane: f32, waypoints: &mut Vec<[f32; 2]>, rng: &mut ChaCha
 /// The rectangle that the robot drives round in a room: clear of the furniture along the walls.
 fn round_trip(room: &Room) -> Rect {
     const SMALLEST: f32 = 0.7;
-    let margin = if room.kind == RoomKind::ConferenceRoom { 0.85 } else { 1.3 };
+    let margin = match room.kind {
+        RoomKind::ConferenceRoom => 0.85,
+        RoomKind::Bathroom => 1.65,
+        _ => 1.3,
+    };
     let [center_x, center_y] = room.rect.center();
     let half = room.rect.size().map(|size| (size / 2.0 - margin).max(SMALLEST / 2.0));
     Rect { x0: center_x - half[0], y0: center_y - half[1], x1: center_x + half[0], y1: center_y + half[1] }

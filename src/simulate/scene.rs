@@ -39,9 +39,9 @@ pub(super) struct Ray {
 }
 
 impl Scene {
-    /// Builds, furnishes and lights the lab of a sequence.
-    pub fn build(spec: &SequenceSpec, plan: Plan) -> Self {
-        let mut b = Builder::new(seeded(&spec.lab_key()), seeded(&spec.run_key()));
+    /// Builds, furnishes and lights the lab of a sequence; `way` are points that the robot comes by.
+    pub fn build(spec: &SequenceSpec, plan: Plan, way: Vec<[f32; 2]>) -> Self {
+        let mut b = Builder::new([seeded(&spec.lab_key()), seeded(&spec.run_key())], way);
         let shell = Shell::new(&mut b, plan.ceiling, spec.illumination);
         let mut floors = Vec::new();
         for (room_idx, room) in plan.rooms.iter().enumerate() {
@@ -103,6 +103,11 @@ impl Scene {
             }
             None => self.shade(ray, reach, |scene, point| scene.horizontal(point, is_down)),
         }
+    }
+
+    #[cfg(test)]
+    pub fn is_clear(&self, from: Vec3, to: Vec3) -> bool {
+        self.caster.is_clear(from, to)
     }
 
     /// The light on a white surface that faces up, at a point.

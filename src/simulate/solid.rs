@@ -95,6 +95,7 @@ impl Solid {
     }
 
     /// What is at a point of the surface.
+    #[inline]
     pub fn surface(&self, point: Vec3) -> SurfacePoint {
         let [cos, sin] = self.turn;
         let local = (point - self.center).turned(cos, -sin);

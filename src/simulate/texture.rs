@@ -47,6 +47,7 @@ pub(super) struct Textures(Vec<Mipmap>);
 impl Textures {
     /// The linear color at (u, v), both in repeats of the texture with v downward, averaged over about
     /// `footprint` repeats.
+    #[inline]
     pub fn sample(&self, id: TextureId, [u, v]: [f32; 2], footprint: f32) -> Color {
         self.0[id.0].sample([u, v], footprint)
     }
@@ -77,7 +78,8 @@ impl Mipmap {
 
     fn sample(&self, [u, v]: [f32; 2], footprint: f32) -> Color {
         let texels = footprint * self.levels[0].side as f32 * std::f32::consts::SQRT_2;
-        let level_idx = if texels < 2.0 { 0 } else { texels.log2() as usize };
+        // The exponent of a float is the whole part of its logarithm.
+        let level_idx = ((texels.max(1.0).to_bits() >> 23) - 127) as usize;
         self.levels[level_idx.min(self.levels.len() - 1)].sample(u, v)
     }
 }
@@ -89,6 +91,7 @@ impl Level {
         Self { side, texels }
     }
 
+    #[inline]
     fn sample(&self, u: f32, v: f32) -> Color {
         let (column, right) = split(u * self.side as f32 - 0.5);
         let (row, lower) = split(v * self.side as f32 - 0.5);

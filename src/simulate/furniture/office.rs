@@ -51,7 +51,7 @@ pub(super) fn desk(b: &mut Builder, width: f32) {
     let sideways = b.varying(-0.25, 0.25);
     let turn = PI + b.varying(-0.9, 0.9);
     let back = b.varying(0.82, 0.92);
-    b.at([at + sideways, back, 0.0], turn, |b| chair(b, 0.0));
+    b.at([at + sideways, back, 0.0], turn, |b| b.beside_the_way(|b| chair(b, 0.0)));
 }
 
 fn monitor(b: &mut Builder) {
@@ -196,6 +196,6 @@ pub(super) fn conference_table(b: &mut Builder) {
     for (y, turn) in [(-0.12, 0.0), (1.22, PI)] {
         let turn = turn + b.varying(-0.4, 0.4);
         let x = b.varying(-0.15, 0.15);
-        b.at([x, y, 0.0], turn, |b| chair(b, 0.0));
+        b.at([x, y, 0.0], turn, |b| b.beside_the_way(|b| chair(b, 0.0)));
     }
 }

@@ -94,18 +94,18 @@ pub(super) fn dining_table(b: &mut Builder) {
     let seat = b.paint(vec3(0.6, 0.2, 0.15));
     for x in [-0.3, 0.3] {
         let at = [x + b.varying(-0.08, 0.08), 0.9 + b.varying(-0.06, 0.06), 0.0];
-        b.at(at, 0.0, |b| {
+        let stool = |b: &mut Builder| {
             b.cylinder([0.0, 0.0, 0.45], [0.34, 0.34, 0.05], seat);
             b.cylinder([0.0, 0.0, 0.22], [0.06, 0.06, 0.42], seat);
-        });
+        };
+        b.at(at, 0.0, |b| b.beside_the_way(stool));
     }
 }
 
 /// Partitions, a door that is shut or ajar, and a toilet behind it.
 pub(super) fn stall(b: &mut Builder) {
     const HEIGHT: f32 = 1.95;
-    let shade = [b.fixed(0.3, 0.8), b.fixed(0.4, 0.8), b.fixed(0.4, 0.85)];
-    let panel = b.paint(vec3(shade[0], shade[1], shade[2]));
+    let panel = b.paint(vec3(0.55, 0.66, 0.68));
     for x in [-0.46, 0.46] {
         b.block([x, 0.57, HEIGHT / 2.0 + 0.1], [0.03, 1.1, HEIGHT - 0.2], panel);
     }

@@ -79,15 +79,19 @@ impl Pattern {
     }
 }
 
-/// A color drawn between two.
+/// A color about on the way between two.
 fn between(low: Color, high: Color, rng: &mut ChaCha8Rng) -> Color {
-    let span = high - low;
-    low + vec3(span.x * rng.random::<f32>(), span.y * rng.random::<f32>(), span.z * rng.random::<f32>())
+    let share: f32 = rng.random();
+    let mut near = || (share + rng.random_range(-0.12..0.12)).clamp(0.0, 1.0);
+    low + (high - low) * vec3(near(), near(), near())
 }
 
-/// Any color that ink or paint has.
+/// Any color that ink or paint has; most are not bright.
 fn vivid(rng: &mut ChaCha8Rng) -> Color {
-    between(gray(0.08), gray(0.9), rng)
+    let shade = gray(rng.random_range(0.08..0.85));
+    let hue = vec3(rng.random(), rng.random(), rng.random());
+    let purity = rng.random_range(0.05..0.6);
+    shade * (1.0 - purity) + hue * purity
 }
 
 /// A color with lumps of several sizes.
