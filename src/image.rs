@@ -44,11 +44,8 @@ pub struct Image {
 impl Image {
     /// Takes row-major pixels; `None` when empty or when the length is not `width * height`.
     pub fn from_pixels(width: usize, height: usize, pixels: Vec<u8>) -> Option<Self> {
-        (width > 0 && height > 0 && width.checked_mul(height) == Some(pixels.len())).then_some(Self {
-            width,
-            height,
-            pixels,
-        })
+        (width > 0 && height > 0 && width.checked_mul(height) == Some(pixels.len()))
+            .then_some(Self { width, height, pixels })
     }
 
     /// Decodes untrusted bytes, EXIF orientation applied.

@@ -81,12 +81,7 @@ impl Model {
     /// Bag, decision values, probabilities. The second half of [`Model::recognize`].
     pub fn classify(&self, features: &Features) -> Recognition {
         let n = self.places.len();
-        Recognition {
-            place_idx: 0,
-            known: false,
-            probabilities: vec![1.0 / n as f32; n],
-            n_keypoints: features.n_keypoints(),
-        }
+        Recognition { place_idx: 0, known: false, probabilities: vec![1.0 / n as f32; n], n_keypoints: features.n_keypoints() }
     }
 
     /// Which room a frame shows.
