@@ -128,6 +128,24 @@ fn mark_greater_kernel(a: &[u16], b: &[u16], threshold: u16, bit: u8, codes: &mu
     }
 }
 
+dispatch! {
+    /// Adds to `counts[x]` how many of the rows of `codes`, `stride` apart, have `code` in column x. The
+    /// last row may end after the last column that is counted.
+    count_equal, count_equal_avx2, count_equal_kernel,
+    (codes: &[u8], stride: usize, code: u8, counts: &mut [u8])
+}
+
+#[inline(always)]
+fn count_equal_kernel(codes: &[u8], stride: usize, code: u8, counts: &mut [u8]) {
+    let n_columns = counts.len();
+    for row in codes.chunks(stride) {
+        let row = &row[..n_columns];
+        for x in 0..n_columns {
+            counts[x] += u8::from(row[x] == code);
+        }
+    }
+}
+
 /// The rows of a matrix laid out as columns, for [`nearest_columns`].
 #[derive(Clone, Debug)]
 pub struct TransposedMatrix {

@@ -78,7 +78,7 @@ pub struct Config {
 
 impl Default for Config {
     fn default() -> Self {
-        Self { scheme: Scheme::OneVsAll, c: 10.0, tolerance: 1e-3, class_weights: ClassWeights::Equal }
+        Self { scheme: Scheme::OneVsAll, c: 1.0, tolerance: 1e-3, class_weights: ClassWeights::Equal }
     }
 }
 

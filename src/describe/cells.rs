@@ -1,52 +1,118 @@
 //! Histograms of pattern codes over the cells of a region.
 
-use super::region::{Region, Window};
+use super::region::{Region, Weighting, Window};
+use crate::simd;
+
+/// Up to this many bins it is faster to count bin by bin, many pixels at once, than pixel by pixel.
+const MAX_BINS_COUNTED_APART: usize = 16;
 
 /// A grid of cells over a region, each with a histogram of the same number of bins.
 pub(super) struct Cells {
     region_side: usize,
-    /// Where the histogram of each pixel's cell starts, row after row.
-    histogram_start: Vec<usize>,
+    n_cells: usize,
+    n_bins: usize,
+    /// The cell row or column of each position along a side.
+    cell_of: Vec<usize>,
     weights: Vec<u32>,
+    is_uniform: bool,
     counts: Vec<u32>,
 }
 
 impl Cells {
     /// `n_cells` x `n_cells` cells of `n_bins` bins.
     pub(super) fn new(region: &Region, n_cells: usize, n_bins: usize) -> Self {
-        let side = region.side;
-        let cell = |position: usize| position * n_cells / side;
-        let histogram_start =
-            (0..side * side).map(|idx| (cell(idx / side) * n_cells + cell(idx % side)) * n_bins);
         Self {
-            region_side: side,
-            histogram_start: histogram_start.collect(),
+            region_side: region.side,
+            n_cells,
+            n_bins,
+            cell_of: (0..region.side).map(|position| position * n_cells / region.side).collect(),
             weights: region.weights(),
+            is_uniform: region.weighting == Weighting::Uniform,
             counts: vec![0; n_cells * n_cells * n_bins],
         }
     }
 
     /// All histograms one after the other, scaled to unit L2 length, into `row`.
     ///
-    /// `codes` holds the region's pixels in rows of the window's side; `bins` maps a code to its bin.
+    /// `codes` holds the region's pixels in rows of the window's side; `bins` maps a code to its bin. Up to
+    /// [`MAX_BINS_COUNTED_APART`] bins, every code is its own.
     pub(super) fn describe(&mut self, codes: &[u8], bins: &[u8; 256], window: &Window, row: &mut [f32]) {
-        let side = self.region_side;
         self.counts.fill(0);
-        for (y, code_row) in codes.chunks(window.side()).enumerate() {
-            let starts = &self.histogram_start[y * side..][..side];
-            let weights = &self.weights[y * side..][..side];
-            let valid = window.validity().map(|valid| &valid[y * side..][..side]);
-            for (x, (&code, (&start, &weight))) in code_row.iter().zip(starts.iter().zip(weights)).enumerate()
-            {
-                let counted = valid.is_none_or(|valid| valid[x]);
-                self.counts[start + usize::from(bins[usize::from(code)])] += if counted { weight } else { 0 };
-            }
+        let all_count_the_same = self.is_uniform && window.validity().is_none();
+        if all_count_the_same && self.n_bins <= MAX_BINS_COUNTED_APART {
+            self.count_bin_by_bin(codes, window);
+        } else {
+            self.count_pixel_by_pixel(codes, bins, window);
         }
         let square = |&count: &u32| u64::from(count) * u64::from(count);
         let length = (self.counts.iter().map(square).sum::<u64>() as f64).sqrt();
         let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
         for (value, &count) in row.iter_mut().zip(&self.counts) {
             *value = (f64::from(count) * scale) as f32;
+        }
+    }
+
+    fn count_pixel_by_pixel(&mut self, codes: &[u8], bins: &[u8; 256], window: &Window) {
+        let side = self.region_side;
+        for (y, code_row) in codes.chunks(window.side()).enumerate() {
+            for (x, &code) in code_row[..side].iter().enumerate() {
+                if window.validity().is_none_or(|valid| valid[y * side + x]) {
+                    let cell = self.cell_of[y] * self.n_cells + self.cell_of[x];
+                    let bin = usize::from(bins[usize::from(code)]);
+                    self.counts[cell * self.n_bins + bin] += self.weights[y * side + x];
+                }
+            }
+        }
+    }
+
+    /// The same where every pixel counts one and every code is its own bin.
+    fn count_bin_by_bin(&mut self, codes: &[u8], window: &Window) {
+        // A region has at most 255 rows; see `Region::check`.
+        let mut column_counts = vec![0u8; self.region_side];
+        for cell_row in 0..self.n_cells {
+            let first_row = self.cell_of.partition_point(|&cell| cell < cell_row);
+            let end_row = self.cell_of.partition_point(|&cell| cell <= cell_row);
+            let end = (end_row * window.side()).min(codes.len());
+            let codes = &codes[first_row * window.side()..end];
+            for bin in 0..self.n_bins {
+                column_counts.fill(0);
+                simd::count_equal(codes, window.side(), bin as u8, &mut column_counts);
+                for (&cell_column, &count) in self.cell_of.iter().zip(&column_counts) {
+                    let cell = cell_row * self.n_cells + cell_column;
+                    self.counts[cell * self.n_bins + bin] += u32::from(count);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::{Camera, Projection};
+    use crate::describe::testing::noise;
+    use crate::detect::Keypoint;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn counting_bin_by_bin_equals_counting_pixel_by_pixel(
+            side in 8usize..70, n_cells in 1usize..8, n_bins in 1usize..16,
+            random in prop::collection::vec(any::<u8>(), 80 * 80),
+        ) {
+            let region = Region { side, weighting: Weighting::Uniform };
+            let image = noise(200, 200);
+            let view = Camera::new(Projection::Perspective).view(200, 200);
+            let mut window = Window::new(&region, 3);
+            window.take(&image, &Keypoint { x: 100.0, y: 100.0, response: 0.0 }, &view);
+            let length = (side - 1) * window.side() + side;
+            let codes: Vec<u8> = random[..length].iter().map(|code| code % n_bins as u8).collect();
+            let bins = std::array::from_fn(|code| code as u8);
+            let (mut apart, mut plain) = (Cells::new(&region, n_cells, n_bins), Cells::new(&region, n_cells, n_bins));
+            apart.count_bin_by_bin(&codes, &window);
+            plain.count_pixel_by_pixel(&codes, &bins, &window);
+            prop_assert_eq!(&apart.counts, &plain.counts);
+            prop_assert_eq!(plain.counts.iter().sum::<u32>() as usize, side * side);
         }
     }
 }

@@ -35,9 +35,9 @@ const CIRCLE: [(isize, isize); 16] = [
 
 const RADIUS: usize = 3;
 
-/// Where an adapting threshold starts: most frames have enough corners above it, and the fewer pixels pass
-/// the first test, the faster. It changes no result.
-const FIRST_THRESHOLD: u8 = 24;
+/// Where an adapting threshold starts before it falls to the lowest: most frames have enough corners above
+/// one of these, and the fewer pixels pass the first test, the faster. They change no result.
+const FIRST_THRESHOLDS: [u8; 2] = [24, 14];
 
 /// The FAST-9 detector.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -79,11 +79,10 @@ impl Fast {
         match self.threshold {
             FastThreshold::Fixed(threshold) => corners(image, threshold, view),
             FastThreshold::Adaptive { target, lowest } => {
-                let mut found = corners(image, lowest.max(FIRST_THRESHOLD), view);
-                if found.len() < target && lowest < FIRST_THRESHOLD {
-                    found = corners(image, lowest, view);
-                }
-                strongest(found, target)
+                let first = FIRST_THRESHOLDS.into_iter().filter(|&threshold| threshold > lowest);
+                let enough =
+                    first.map(|threshold| corners(image, threshold, view)).find(|c| c.len() >= target);
+                strongest(enough.unwrap_or_else(|| corners(image, lowest, view)), target)
             }
         }
     }
@@ -223,13 +222,14 @@ fn score(center: u8, circle: &[u8; 16]) -> Option<u8> {
     u8::try_from(brighter.max(darker) - 1).ok()
 }
 
-/// The largest minimum over all arcs of 9, by doubling the arcs' length: 1, 2, 4, 8, 9.
+/// The largest minimum over all arcs of 9, by doubling the arcs' length: 1, 2, 4, 8, 9. The circle is
+/// continued by as much as an arc exceeds its start, so that all arcs of a length are found in one sweep.
 fn best_arc(differences: [i16; 16]) -> i16 {
-    let joined = |arcs: [i16; 16], shift: usize| -> [i16; 16] {
-        std::array::from_fn(|start| arcs[start].min(arcs[(start + shift) % 16]))
-    };
-    let eight = joined(joined(joined(differences, 1), 2), 4);
-    (0..16).map(|start| eight[start].min(differences[(start + 8) % 16])).fold(i16::MIN, i16::max)
+    let one: [i16; 24] = std::array::from_fn(|start| differences[start % 16]);
+    let two: [i16; 22] = std::array::from_fn(|start| one[start].min(one[start + 1]));
+    let four: [i16; 20] = std::array::from_fn(|start| two[start].min(two[start + 2]));
+    let nine: [i16; 16] = std::array::from_fn(|start| four[start].min(four[start + 4]).min(one[start + 8]));
+    nine.into_iter().fold(i16::MIN, i16::max)
 }
 
 #[cfg(test)]
