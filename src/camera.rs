@@ -109,12 +109,26 @@ impl View {
     ///
     /// In masked frames the square round the circle must be valid.
     pub fn contains(&self, x: f32, y: f32, margin: f32) -> bool {
-        let (right, bottom) = ((self.width - 1) as f32, (self.height - 1) as f32);
-        let columns = self.wraps() || (x - margin >= 0.0 && x + margin <= right);
-        let inside = columns && y - margin >= 0.0 && y + margin <= bottom;
-        inside
+        self.in_frame(x, y, margin)
             && self.in_mirror(x, y, margin)
             && self.hidden.as_ref().is_none_or(|hidden| hidden.none(x, y, margin))
+    }
+
+    /// Sets each of `outside` to 0 where [`View::contains`] holds, else to 255: for the positions `start`,
+    /// `start + step`, `start + 2 step` and so on.
+    pub fn mark_outside(&self, start: (f32, f32), step: (f32, f32), margin: f32, outside: &mut [u8]) {
+        let position = |idx: usize| (start.0 + idx as f32 * step.0, start.1 + idx as f32 * step.1);
+        for (idx, outside) in outside.iter_mut().enumerate() {
+            let (x, y) = position(idx);
+            // No branch between the two: the compiler then works on several positions at once.
+            *outside = if self.in_frame(x, y, margin) & self.in_mirror(x, y, margin) { 0 } else { 255 };
+        }
+        if let Some(hidden) = &self.hidden {
+            for (idx, outside) in outside.iter_mut().enumerate() {
+                let (x, y) = position(idx);
+                *outside |= if hidden.none(x, y, margin) { 0 } else { 255 };
+            }
+        }
     }
 
     /// Whether every pixel of the frame is valid.
@@ -130,11 +144,24 @@ impl View {
         (radius > 0.0).then(|| (dx / radius, dy / radius))
     }
 
+    #[inline]
+    fn in_frame(&self, x: f32, y: f32, margin: f32) -> bool {
+        let (right, bottom) = ((self.width - 1) as f32, (self.height - 1) as f32);
+        let columns = self.wraps() | ((x - margin >= 0.0) & (x + margin <= right));
+        columns & (y - margin >= 0.0) & (y + margin <= bottom)
+    }
+
+    #[inline]
     fn in_mirror(&self, x: f32, y: f32, margin: f32) -> bool {
         let Projection::Omnidirectional(mirror) = self.projection else { return true };
-        let (_, _, radius) = mirror.polar(x, y, self.width);
-        let width = self.width as f32;
-        radius - margin >= mirror.inner_radius * width && radius + margin <= mirror.outer_radius * width
+        let (dx, dy, width) = (
+            x - mirror.center_x * self.width as f32,
+            y - mirror.center_y * self.width as f32,
+            self.width as f32,
+        );
+        let squared = dx * dx + dy * dy;
+        let (inner, outer) = (mirror.inner_radius * width + margin, mirror.outer_radius * width - margin);
+        (squared >= inner * inner) & (outer >= 0.0) & (squared <= outer * outer)
     }
 }
 
@@ -200,6 +227,23 @@ mod tests {
         assert_eq!(view.radial_direction(100.0, 35.0), Some((0.0, -1.0)));
         assert_eq!(view.radial_direction(100.0, 75.0), None);
         assert_eq!(Camera::new(Projection::Perspective).view(9, 9).radial_direction(1.0, 1.0), None);
+    }
+
+    #[test]
+    fn marking_a_line_equals_asking_for_each_position() {
+        let mask = Image::from_pixels(3, 1, vec![255, 0, 255]).unwrap();
+        let masked = Camera { mask: Some(Mask::new(mask)), ..omnidirectional() };
+        for camera in [omnidirectional(), masked, Camera::new(Projection::Equirectangular)] {
+            let view = camera.view(100, 75);
+            let (start, step) = ((-5.0, 20.0), (1.25, 0.5));
+            let mut outside = [7; 90];
+            view.mark_outside(start, step, 2.0, &mut outside);
+            for (idx, &outside) in outside.iter().enumerate() {
+                let (x, y) = (start.0 + idx as f32 * step.0, start.1 + idx as f32 * step.1);
+                assert_eq!(outside, if view.contains(x, y, 2.0) { 0 } else { 255 });
+            }
+            assert!(outside.contains(&0) && outside.contains(&255));
+        }
     }
 
     #[test]

@@ -75,7 +75,7 @@ impl CsLbp {
                 circle.neighbor_plane(pair + n_pairs, &window, &mut opposite);
                 simd::mark_greater(&neighbor, &opposite, threshold, 1 << pair, &mut codes);
             }
-            cells.describe(&codes, &bins, &window, descriptors.row_mut(row_idx));
+            cells.describe(&mut codes, &bins, &window, descriptors.row_mut(row_idx));
         }
         descriptors
     }

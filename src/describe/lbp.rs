@@ -67,7 +67,7 @@ impl Lbp {
                 circle.neighbor_plane(neighbor_idx, &window, &mut neighbor);
                 simd::mark_greater(&center, &neighbor, 0, 1 << neighbor_idx, &mut darker);
             }
-            cells.describe(&darker, &bins_of_darker, &window, descriptors.row_mut(row_idx));
+            cells.describe(&mut darker, &bins_of_darker, &window, descriptors.row_mut(row_idx));
         }
         descriptors
     }

@@ -69,14 +69,32 @@ pub(super) struct Window {
     region_side: usize,
     margin: usize,
     pixels: Vec<u8>,
-    /// One a pixel of the region without its margin; empty when all are valid.
-    valid: Vec<bool>,
+    /// One a pixel of the region without its margin, 255 where it does not count; empty when all do.
+    outside: Vec<u8>,
+    quads: Vec<Quad>,
+}
+
+/// Four neighboring pixels and where between them to interpolate, in 1/256 of a pixel.
+#[derive(Clone, Copy, Default)]
+struct Quad {
+    /// Top left, and bottom left in the upper half.
+    left: u32,
+    /// Top right, and bottom right in the upper half.
+    right: u32,
+    right_share: u32,
+    bottom_share: u32,
 }
 
 impl Window {
     pub(super) fn new(region: &Region, margin: usize) -> Self {
         let side = region.side + 2 * margin;
-        Self { region_side: region.side, margin, pixels: vec![0; side * side], valid: Vec::new() }
+        Self {
+            region_side: region.side,
+            margin,
+            pixels: vec![0; side * side],
+            outside: Vec::new(),
+            quads: vec![Quad::default(); side],
+        }
     }
 
     /// The side with both margins.
@@ -89,37 +107,41 @@ impl Window {
         &self.pixels
     }
 
-    /// Whether each pixel of the region lies, with its margin, in the valid region; `None` when all do.
-    pub(super) fn validity(&self) -> Option<&[bool]> {
-        (!self.valid.is_empty()).then_some(&self.valid)
+    /// 0 where a pixel of the region lies, with its margin, in the valid region, else 255; `None` when all
+    /// do.
+    pub(super) fn outside(&self) -> Option<&[u8]> {
+        (!self.outside.is_empty()).then_some(&self.outside)
     }
 
     /// Takes the pixels round `keypoint`, the vertical axis along the radial direction if there is one.
     pub(super) fn take(&mut self, image: &Image, keypoint: &Keypoint, view: &View) {
+        let (x, y) = (keypoint.x, keypoint.y);
         let reach = (self.region_side / 2 + self.margin) as f32;
-        match view.radial_direction(keypoint.x, keypoint.y) {
+        let (down, radius) = match view.radial_direction(x, y) {
             None => {
-                let all_valid = view.contains(keypoint.x, keypoint.y, reach);
-                self.take_upright(image, keypoint, view, all_valid);
-                self.mark_valid(keypoint, (0.0, 1.0), view, all_valid);
+                self.take_upright(image, keypoint, view);
+                ((0.0, 1.0), reach)
             }
-            Some(direction) => {
-                // Half the diagonal, and the neighbors that interpolation reads.
-                let all_valid = view.contains(keypoint.x, keypoint.y, reach * std::f32::consts::SQRT_2 + 1.0);
-                self.take_turned(image, keypoint, direction, all_valid);
-                self.mark_valid(keypoint, direction, view, all_valid);
+            Some(down) => {
+                self.take_turned(image, keypoint, down);
+                // Half the diagonal.
+                (down, reach * std::f32::consts::SQRT_2)
             }
+        };
+        self.outside.clear();
+        if !view.contains(x, y, radius) {
+            self.mark_outside(keypoint, down, view);
         }
     }
 
-    fn take_upright(&mut self, image: &Image, keypoint: &Keypoint, view: &View, all_valid: bool) {
+    fn take_upright(&mut self, image: &Image, keypoint: &Keypoint, view: &View) {
         let side = self.side();
         let reach = (self.region_side / 2 + self.margin) as isize;
         let (left, top) = (keypoint.x.round() as isize - reach, keypoint.y.round() as isize - reach);
         let (width, height) = (image.width() as isize, image.height() as isize);
         for (row_idx, target) in self.pixels.chunks_exact_mut(side).enumerate() {
             let row = image.row((top + row_idx as isize).clamp(0, height - 1) as usize);
-            if all_valid && left >= 0 && left + side as isize <= width {
+            if left >= 0 && left + side as isize <= width {
                 target.copy_from_slice(&row[left as usize..][..side]);
                 continue;
             }
@@ -130,65 +152,75 @@ impl Window {
         }
     }
 
-    /// Bilinear interpolation in fixed point: positions in 1/65536, fractions in 1/256 of a pixel.
-    fn take_turned(&mut self, image: &Image, keypoint: &Keypoint, direction: (f32, f32), all_valid: bool) {
-        let side = self.side();
+    /// Bilinear interpolation in fixed point: positions in 1/65536 of a pixel. Beyond the image its border
+    /// pixels are repeated.
+    fn take_turned(&mut self, image: &Image, keypoint: &Keypoint, (down_x, down_y): (f32, f32)) {
         let fixed = |value: f32| (value * 65_536.0) as i32;
-        let (down_x, down_y) = direction;
         let (right_x, right_y) = (down_y, -down_x);
         let reach = (self.region_side / 2 + self.margin) as f32;
         let start_x = fixed(keypoint.x - reach * (right_x + down_x));
         let start_y = fixed(keypoint.y - reach * (right_y + down_y));
         let (right_x, right_y) = (fixed(right_x), fixed(right_y));
         let (down_x, down_y) = (fixed(down_x), fixed(down_y));
+
         let (width, height, pixels) = (image.width(), image.height(), image.pixels());
         let clamped = |column: i32, row: i32| {
-            image.row(row.clamp(0, height as i32 - 1) as usize)[column.clamp(0, width as i32 - 1) as usize]
+            u32::from(
+                image.row(row.clamp(0, height as i32 - 1) as usize)
+                    [column.clamp(0, width as i32 - 1) as usize],
+            )
         };
-        for (row_idx, target) in (0..).zip(self.pixels.chunks_exact_mut(side)) {
+        let half_diagonal = reach * std::f32::consts::SQRT_2 + 2.0;
+        let is_inside = keypoint.x >= half_diagonal
+            && keypoint.y >= half_diagonal
+            && keypoint.x + half_diagonal < width as f32
+            && keypoint.y + half_diagonal < height as f32;
+        for (row_idx, target) in (0..).zip(self.pixels.chunks_exact_mut(self.region_side + 2 * self.margin)) {
             let (mut x, mut y) = (start_x + row_idx * down_x, start_y + row_idx * down_y);
-            for pixel in target {
+            for quad in &mut self.quads {
                 let (column, row) = (x >> 16, y >> 16);
-                let quad = if all_valid {
-                    let top_left = row as usize * width + column as usize;
-                    let (top, bottom) = (&pixels[top_left..][..2], &pixels[top_left + width..][..2]);
-                    [top[0], top[1], bottom[0], bottom[1]]
+                let [top_left, top_right, bottom_left, bottom_right] = if is_inside {
+                    let first = row as usize * width + column as usize;
+                    let (top, bottom) = (&pixels[first..][..2], &pixels[first + width..][..2]);
+                    [top[0], top[1], bottom[0], bottom[1]].map(u32::from)
                 } else {
                     [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| clamped(column + dx, row + dy))
                 };
-                *pixel = bilinear(quad, x, y);
+                *quad = Quad {
+                    left: top_left | bottom_left << 16,
+                    right: top_right | bottom_right << 16,
+                    right_share: (x >> 8) as u32 & 255,
+                    bottom_share: (y >> 8) as u32 & 255,
+                };
                 x += right_x;
                 y += right_y;
             }
+            target.iter_mut().zip(&self.quads).for_each(|(pixel, quad)| *pixel = quad.interpolate());
         }
     }
 
-    fn mark_valid(&mut self, keypoint: &Keypoint, down: (f32, f32), view: &View, all_valid: bool) {
-        self.valid.clear();
-        if all_valid {
-            return;
-        }
-        let half = (self.region_side / 2) as f32;
+    fn mark_outside(&mut self, keypoint: &Keypoint, down: (f32, f32), view: &View) {
+        let side = self.region_side;
+        let half = (side / 2) as f32;
         let right = (down.1, -down.0);
-        let margin = self.margin as f32;
-        for pixel_idx in 0..self.region_side * self.region_side {
-            let along = (pixel_idx % self.region_side) as f32 - half;
-            let across = (pixel_idx / self.region_side) as f32 - half;
-            let x = keypoint.x + along * right.0 + across * down.0;
-            let y = keypoint.y + along * right.1 + across * down.1;
-            self.valid.push(view.contains(x, y, margin));
+        self.outside.resize(side * side, 0);
+        for (row_idx, outside) in self.outside.chunks_exact_mut(side).enumerate() {
+            let along = row_idx as f32 - half;
+            let start =
+                (keypoint.x - half * right.0 + along * down.0, keypoint.y - half * right.1 + along * down.1);
+            view.mark_outside(start, right, self.margin as f32, outside);
         }
     }
 }
 
-/// The value at the fractions of (x, y) between the top left, top right, bottom left and bottom right pixel.
-/// The upper and the lower row are interpolated at once, in the halves of one number.
-#[inline]
-fn bilinear(quad: [u8; 4], x: i32, y: i32) -> u8 {
-    let (right, bottom) = ((x >> 8) as u32 & 255, (y >> 8) as u32 & 255);
-    let [top_left, top_right, bottom_left, bottom_right] = quad.map(u32::from);
-    let rows = (top_left | bottom_left << 16) * (256 - right) + (top_right | bottom_right << 16) * right;
-    (((rows & 0xFFFF) * (256 - bottom) + (rows >> 16) * bottom + 32_768) >> 16) as u8
+impl Quad {
+    /// The upper and the lower row are interpolated at once, in the halves of one number.
+    #[inline]
+    fn interpolate(&self) -> u8 {
+        let rows = self.left * (256 - self.right_share) + self.right * self.right_share;
+        let (top, bottom) = (rows & 0xFFFF, rows >> 16);
+        ((top * (256 - self.bottom_share) + bottom * self.bottom_share + 32_768) >> 16) as u8
+    }
 }
 
 #[cfg(test)]
@@ -207,12 +239,19 @@ mod tests {
 
     #[test]
     fn interpolation_at_once_equals_the_sum_of_four() {
-        for quad in [[0, 255, 255, 0], [255; 4], [3, 200, 77, 141]] {
+        for quad in [[0u8, 255, 255, 0], [255; 4], [3, 200, 77, 141]] {
             for (x, y) in (0..256).flat_map(|x| (0..256).map(move |y| (x, y))) {
                 let weights = [(256 - x) * (256 - y), x * (256 - y), (256 - x) * y, x * y];
                 let sum: i32 =
                     quad.iter().zip(weights).map(|(&pixel, weight)| i32::from(pixel) * weight).sum();
-                assert_eq!(i32::from(bilinear(quad, x << 8, y << 8)), (sum + 32_768) >> 16);
+                let [top_left, top_right, bottom_left, bottom_right] = quad.map(u32::from);
+                let quad = Quad {
+                    left: top_left | bottom_left << 16,
+                    right: top_right | bottom_right << 16,
+                    right_share: x as u32,
+                    bottom_share: y as u32,
+                };
+                assert_eq!(i32::from(quad.interpolate()), (sum + 32_768) >> 16);
             }
         }
     }
@@ -223,7 +262,7 @@ mod tests {
         let view = Camera::new(Projection::Perspective).view(60, 40);
         let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 3);
         window.take(&image, &keypoint(30.0, 20.0), &view);
-        assert_eq!(window.validity(), None);
+        assert_eq!(window.outside(), None);
         for (idx, &pixel) in window.pixels().iter().enumerate() {
             assert_eq!(pixel, image.row(20 - 7 + idx / 14)[30 - 7 + idx % 14]);
         }
@@ -235,10 +274,10 @@ mod tests {
         let view = Camera::new(Projection::Perspective).view(60, 40);
         let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 3);
         window.take(&image, &keypoint(4.0, 20.0), &view);
-        let valid = window.validity().unwrap();
+        let outside = window.outside().unwrap();
         // Columns 0..8 of the frame; those nearer than the margin to its edge are out.
-        let expected: Vec<bool> = (0..64).map(|idx| idx % 8 >= 3).collect();
-        assert_eq!(valid, expected);
+        let expected: Vec<u8> = (0..64).map(|idx| if idx % 8 >= 3 { 0 } else { 255 }).collect();
+        assert_eq!(outside, expected);
     }
 
     #[test]
@@ -247,7 +286,7 @@ mod tests {
         let view = Camera::new(Projection::Equirectangular).view(60, 40);
         let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 2);
         window.take(&image, &keypoint(1.0, 20.0), &view);
-        assert_eq!(window.validity(), None);
+        assert_eq!(window.outside(), None);
         assert_eq!(window.pixels()[0], image.row(14)[(60 + 1 - 6) % 60]);
     }
 
@@ -265,7 +304,7 @@ mod tests {
         for angle in [0.0f32, 0.7, 2.0, 4.0, 5.5] {
             let (x, y) = (100.0 + 50.0 * angle.cos(), 100.0 + 50.0 * angle.sin());
             window.take(&image, &keypoint(x, y), &view);
-            assert_eq!(window.validity(), None);
+            assert_eq!(window.outside(), None);
             for (row_idx, row) in window.pixels().chunks(10).enumerate() {
                 let radius = 50.0 + row_idx as f32 - 5.0;
                 for &pixel in row {
@@ -286,7 +325,7 @@ mod tests {
                 let view = Camera::new(projection).view(width, height);
                 let mut window = Window::new(&Region::default(), 3);
                 window.take(&image, &keypoint(width as f32 - 0.5, 0.0), &view);
-                assert_eq!(window.validity().unwrap().len(), Region::default().side.pow(2));
+                assert_eq!(window.outside().unwrap().len(), Region::default().side.pow(2));
             }
         }
     }
