@@ -5,23 +5,27 @@
 #   PYTHON       a Python with the packages of the peer in Python; without it that peer is left out
 #   CEILING      the binary of the peer that only decodes; without it that peer is left out
 #   PEERS        the folder of the peers' sources [../shared/peers]
+#   CAMERA       whose frames: std or omni [std]
 #   WORK         where the frames and the models are made [target/rest]
 #   ROUNDS       of which the medians are printed [5]
 #   DURATION     of one service in one round, in seconds [4]
 #   CONNECTIONS  a list of numbers of connections [1 8]
 #
+# Of roomsight there are two: with the default model, and with FAST's threshold fixed to 20 as in the peer
+# in Python, whose fewer keypoints on these frames are less work.
+#
 # CPU time is what the service's processes used, divided by its requests. On a machine that others use as
 # well, trust it and the ratios within one run; rates and latencies are the machine's of that moment.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-PYTHON=${PYTHON:-} CEILING=${CEILING:-} PEERS=${PEERS:-../shared/peers} WORK=${WORK:-target/rest}
-ROUNDS=${ROUNDS:-5} DURATION=${DURATION:-4} CONNECTIONS=${CONNECTIONS:-1 8}
+PYTHON=${PYTHON:-} CEILING=${CEILING:-} PEERS=${PEERS:-../shared/peers} CAMERA=${CAMERA:-std}
+WORK=${WORK:-target/rest}/$CAMERA ROUNDS=${ROUNDS:-5} DURATION=${DURATION:-4} CONNECTIONS=${CONNECTIONS:-1 8}
 ROOMSIGHT=target/release/roomsight
 LAB=$WORK/lab/cold-saarbruecken/part_b
-export FRAMES=$LAB/seq3_cloudy2/std_cam
+export FRAMES=$LAB/seq3_cloudy2/${CAMERA}_cam
 
 names=() urls=() pids=()
-trap 'kill "${pids[@]}" 2>/dev/null || true' EXIT
+trap 'kill "${pids[@]}" 2>/dev/null; wait' EXIT
 
 main() {
     command -v wrk >/dev/null || fail "wrk is not on the PATH: install the package wrk."
@@ -53,11 +57,13 @@ fail() {
 
 start_roomsight() {
     cargo build --release --quiet
-    "$ROOMSIGHT" simulate "$WORK/lab" --illumination cloudy1,cloudy2 --camera std --frames-per-second 0.5 >&2
+    "$ROOMSIGHT" simulate "$WORK/lab" --illumination cloudy1,cloudy2 --camera "$CAMERA" --frames-per-second 0.5 >&2
     rm -rf "$WORK/models"
-    "$ROOMSIGHT" train "$WORK/lab" -o "$WORK/models/lab/1" >"$WORK/train.log"
-    start roomsight 9180 /v1/recognize \
+    "$ROOMSIGHT" train "$WORK/lab" -o "$WORK/models/default/1" >"$WORK/train.log"
+    "$ROOMSIGHT" train "$WORK/lab" -o "$WORK/models/fast20/1" --set detector.threshold.fixed=20 >>"$WORK/train.log"
+    start roomsight 9180 /v1/recognize?model=default \
         "$ROOMSIGHT" serve --models "$WORK/models" --listen 127.0.0.1:9180 --set log_level=warn
+    names+=(roomsight_fast20) urls+=("${urls[0]/default/fast20}") pids+=("${pids[0]}")
 }
 
 start_python_peer() {
@@ -67,7 +73,7 @@ start_python_peer() {
         echo file,place,sequence,camera,split
         for sequence in seq3_cloudy1 seq3_cloudy2; do
             folder=$(realpath "$LAB/$sequence")
-            sed "s|\(.*\) \(.*\)|$folder/std_cam/\1,\2,$sequence,perspective,|" "$folder/localization/places.lst"
+            sed "s|\(.*\) \(.*\)|$folder/${CAMERA}_cam/\1,\2,$sequence,,|" "$folder/localization/places.lst"
         done
     } >"$WORK/frames.csv"
     local environment=(env MODE=orb "MODEL=$(realpath "$WORK")/peer_orb.pkl" PYTHONDONTWRITEBYTECODE=1)
@@ -119,33 +125,38 @@ process_tree() {
     done
 }
 
-# Medians over the rounds; the ratio is to the peer in Python at the same number of connections.
+# Medians over the rounds. The ratio is to the peer in Python in the same round, at as many connections.
 summarize() {
     awk -v ticks_per_second="$(getconf CLK_TCK)" '
-        function median(text,    values, n, i, j, swap) {
+        function median(text,    values, n, i, j, larger) {
             n = split(text, values, " ")
-            for (i = 1; i <= n; i++) for (j = i + 1; j <= n; j++) if (values[j] + 0 < values[i] + 0) {
-                swap = values[i]; values[i] = values[j]; values[j] = swap
-            }
+            for (i = 1; i <= n; i++)
+                for (j = i + 1; j <= n; j++)
+                    if (values[j] + 0 < values[i] + 0) { larger = values[i]; values[i] = values[j]; values[j] = larger }
             return (values[int((n + 1) / 2)] + values[int(n / 2) + 1]) / 2
         }
+        function ratios(row, peer,    round, text) {
+            for (round = 1; round <= n_rounds[peer]; round++) text = text " " cpu[row, round] / cpu[peer, round]
+            return text
+        }
+        $4 == 0 { print $1 " answered nothing" > "/dev/stderr"; failed = 1; exit }
         {
             row = $1 " " $2
-            if (!(row in cpu)) rows[++n_rows] = row
-            if ($4 == 0) { print $1 " answered nothing" > "/dev/stderr"; failed = 1; exit }
-            cpu[row] = cpu[row] " " $3 / ticks_per_second * 1000 / $4
-            errors[row] += $5; rate[row] = rate[row] " " $6; p50[row] = p50[row] " " $7; p99[row] = p99[row] " " $8
+            if (!n_rounds[row]++) rows[++n_rows] = row
+            cpu[row, n_rounds[row]] = $3 / ticks_per_second * 1000 / $4
+            cpus[row] = cpus[row] " " cpu[row, n_rounds[row]]
+            n_errors[row] += $5; rates[row] = rates[row] " " $6; p50s[row] = p50s[row] " " $7; p99s[row] = p99s[row] " " $8
         }
         END {
             if (failed) exit 1
-            format = "%-12s %11s %14s %9s %11s %8s %8s %7s\n"
-            printf format, "service", "connections", "CPU ms/request", "x Python", "requests/s", "p50 ms", "p99 ms", "errors"
+            columns = "%-17s %11s %14s %8s %10s %7s %7s %6s\n"
+            printf columns, "service", "connections", "CPU ms/request", "x Python", "requests/s", "p50 ms", "p99 ms", "errors"
             for (i = 1; i <= n_rows; i++) {
                 row = rows[i]; split(row, key, " "); peer = "python_orb " key[2]
-                ratio = peer in cpu ? sprintf("%.2f", median(cpu[row]) / median(cpu[peer])) : "-"
-                printf format, key[1], key[2], sprintf("%.2f", median(cpu[row])), ratio, \
-                    sprintf("%.0f", median(rate[row])), sprintf("%.1f", median(p50[row])), \
-                    sprintf("%.1f", median(p99[row])), errors[row]
+                ratio = n_rounds[peer] ? sprintf("%.2f", median(ratios(row, peer))) : "-"
+                printf columns, key[1], key[2], sprintf("%.2f", median(cpus[row])), ratio, \
+                    sprintf("%.0f", median(rates[row])), sprintf("%.1f", median(p50s[row])), \
+                    sprintf("%.1f", median(p99s[row])), n_errors[row]
             }
         }'
 }
