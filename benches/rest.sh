@@ -25,10 +25,13 @@ LAB=$WORK/lab/cold-saarbruecken/part_b
 export FRAMES=$LAB/seq3_cloudy2/${CAMERA}_cam
 
 names=() urls=() pids=()
-trap 'kill "${pids[@]}" 2>/dev/null; wait' EXIT
+trap 'kill "${pids[@]}" 2>/dev/null || true; wait' EXIT
 
 main() {
     command -v wrk >/dev/null || fail "wrk is not on the PATH: install the package wrk."
+    [ -z "$PYTHON" ] || [ -f "$PEERS/service.py" ] ||
+        fail "$PEERS has no service.py: set PEERS to the folder of the peers."
+    [ -z "$CEILING" ] || [ -x "$CEILING" ] || fail "$CEILING cannot be run: set CEILING to the peer's binary."
     mkdir -p "$WORK"
     start_roomsight
     if [ -n "$PYTHON" ]; then start_python_peer; else
@@ -57,17 +60,18 @@ fail() {
 
 start_roomsight() {
     cargo build --release --quiet
-    "$ROOMSIGHT" simulate "$WORK/lab" --illumination cloudy1,cloudy2 --camera "$CAMERA" --frames-per-second 0.5 >&2
+    "$ROOMSIGHT" simulate "$WORK/lab" --illumination cloudy1,cloudy2 --camera "$CAMERA" \
+        --frames-per-second 0.5 >&2
     rm -rf "$WORK/models"
     "$ROOMSIGHT" train "$WORK/lab" -o "$WORK/models/default/1" >"$WORK/train.log"
-    "$ROOMSIGHT" train "$WORK/lab" -o "$WORK/models/fast20/1" --set detector.threshold.fixed=20 >>"$WORK/train.log"
+    "$ROOMSIGHT" train "$WORK/lab" -o "$WORK/models/fast20/1" --set detector.threshold.fixed=20 \
+        >>"$WORK/train.log"
     start roomsight 9180 /v1/recognize?model=default \
         "$ROOMSIGHT" serve --models "$WORK/models" --listen 127.0.0.1:9180 --set log_level=warn
     names+=(roomsight_fast20) urls+=("${urls[0]/default/fast20}") pids+=("${pids[0]}")
 }
 
 start_python_peer() {
-    [ -f "$PEERS/service.py" ] || fail "$PEERS has no service.py: set PEERS to the folder of the peers."
     local sequence folder
     {
         echo file,place,sequence,camera,split
@@ -132,7 +136,9 @@ summarize() {
             n = split(text, values, " ")
             for (i = 1; i <= n; i++)
                 for (j = i + 1; j <= n; j++)
-                    if (values[j] + 0 < values[i] + 0) { larger = values[i]; values[i] = values[j]; values[j] = larger }
+                    if (values[j] + 0 < values[i] + 0) {
+                        larger = values[i]; values[i] = values[j]; values[j] = larger
+                    }
             return (values[int((n + 1) / 2)] + values[int(n / 2) + 1]) / 2
         }
         function ratios(row, peer,    round, text) {
@@ -145,12 +151,14 @@ summarize() {
             if (!n_rounds[row]++) rows[++n_rows] = row
             cpu[row, n_rounds[row]] = $3 / ticks_per_second * 1000 / $4
             cpus[row] = cpus[row] " " cpu[row, n_rounds[row]]
-            n_errors[row] += $5; rates[row] = rates[row] " " $6; p50s[row] = p50s[row] " " $7; p99s[row] = p99s[row] " " $8
+            n_errors[row] += $5
+            rates[row] = rates[row] " " $6; p50s[row] = p50s[row] " " $7; p99s[row] = p99s[row] " " $8
         }
         END {
             if (failed) exit 1
             columns = "%-17s %11s %14s %8s %10s %7s %7s %6s\n"
-            printf columns, "service", "connections", "CPU ms/request", "x Python", "requests/s", "p50 ms", "p99 ms", "errors"
+            printf columns, "service", "connections", "CPU ms/request", "x Python", "requests/s", \
+                "p50 ms", "p99 ms", "errors"
             for (i = 1; i <= n_rows; i++) {
                 row = rows[i]; split(row, key, " "); peer = "python_orb " key[2]
                 ratio = n_rounds[peer] ? sprintf("%.2f", median(ratios(row, peer))) : "-"
