@@ -1,7 +1,7 @@
 //! `roomsight inspect`: the card of a model, or what the core sees in a frame.
 
 use super::data::{self, CameraName, ConfigArgs};
-use super::output;
+use super::output::{self, say};
 use crate::camera::{Camera, CameraKind, Projection};
 use crate::describe::{Descriptor, Region};
 use crate::detect::Keypoint;
@@ -55,7 +55,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
             "n_support_vectors": model.n_support_vectors(), "known_probability": model.known_probability(),
             "card": card, "config": model.config(),
         });
-        println!("{}", serde_json::to_string_pretty(&about)?);
+        say!("{}", serde_json::to_string_pretty(&about)?)?;
         return Ok(());
     }
     let mut table = output::table(["model", ""]);
@@ -76,7 +76,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     add("support vectors", format!("{:?}", model.n_support_vectors()));
     add("trained by", card.trained_by.clone());
     add("digest", digest.clone());
-    println!("{table}\n\n{}", toml::to_string(model.config())?);
+    say!("{table}\n\n{}", toml::to_string(model.config())?)?;
     Ok(())
 }
 
@@ -100,7 +100,7 @@ fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
     picture
         .save_with_format(&output, image::ImageFormat::Png)
         .with_context(|| output.display().to_string())?;
-    println!("{} corners, drawn into {}", features.keypoints.len(), output.display());
+    say!("{} corners, drawn into {}", features.keypoints.len(), output.display())?;
     Ok(())
 }
 

@@ -1,6 +1,7 @@
 //! `roomsight recognize`: the room of single frames.
 
-use super::{data, output};
+use super::data;
+use super::output::{self, say};
 use crate::model::{Model, Recognition, Scratch};
 use anyhow::bail;
 use clap::Args;
@@ -51,7 +52,7 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
         };
         let line = line(&model, path, &recognition, args.top);
         if args.json {
-            println!("{}", serde_json::to_string(&line)?);
+            say!("{}", serde_json::to_string(&line)?)?;
         } else {
             let others = line.probabilities.iter().skip(1);
             let others: Vec<String> = others.map(|(room, p)| format!("{room} {p:.2}")).collect();
@@ -66,7 +67,7 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
         }
     }
     if !args.json && n_failed < args.frames.len() {
-        println!("{table}");
+        say!("{table}")?;
     }
     if n_failed > 0 {
         bail!("{n_failed} of {} frames could not be read", args.frames.len());

@@ -1,5 +1,6 @@
 //! `roomsight serve`: the HTTP service.
 
+use super::output::say;
 use crate::server::{self, App, LogFormat, Settings};
 use anyhow::{Context, bail};
 use clap::Args;
@@ -49,19 +50,23 @@ pub(super) struct ServeArgs {
 pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
     let settings = Settings::load(args.config.as_deref(), environment(), flags(args))?;
     if args.print_config {
-        print!("{}", settings.to_toml()?);
+        say!("{}", settings.to_toml()?.trim_end())?;
         return Ok(());
     }
     start_log(&settings)?;
     let address = permitted_address(&settings)?;
     let app = App::start(settings)?;
     tokio::runtime::Runtime::new()?.block_on(async {
-        let listener = TcpListener::bind(address)
-            .await
-            .with_context(|| format!("cannot listen on {address}; choose another address with --listen"))?;
+        let listener = listen(address).await?;
         tracing::info!("listening on http://{0}, documentation at http://{0}/docs", listener.local_addr()?);
         server::serve(app, listener, stop_signal()).await.context("the service failed")
     })
+}
+
+/// Takes an address.
+pub(super) async fn listen(address: SocketAddr) -> anyhow::Result<TcpListener> {
+    let taken = || format!("cannot listen on {address}; choose another address with --listen");
+    TcpListener::bind(address).await.with_context(taken)
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {
@@ -119,7 +124,7 @@ fn permitted_address(settings: &Settings) -> anyhow::Result<SocketAddr> {
 }
 
 /// Ready when the process is told to stop.
-async fn stop_signal() {
+pub(super) async fn stop_signal() {
     let interrupt = async {
         // Where the signal cannot be had the service runs on.
         if tokio::signal::ctrl_c().await.is_err() {
