@@ -52,7 +52,7 @@ pub fn main() -> ExitCode {
         // Whoever reads the output (`| head`) has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("roomsight: {error:#}");
+            eprintln!("roomsight: {}", output::explained(&error));
             ExitCode::FAILURE
         }
     }

@@ -3,7 +3,7 @@
 use super::data::{self, DataArgs};
 use super::output::{self, say};
 use crate::evaluate::Evaluation;
-use crate::model::{Extractor, Model};
+use crate::model::Extractor;
 use crate::validate::{self, Answered};
 use anyhow::bail;
 use clap::Args;
@@ -20,7 +20,7 @@ const MAX_SEQUENCES: usize = 20;
 /// Frames of rooms that the model does not know count as errors; how many is said.
 #[derive(Args)]
 pub(super) struct EvaluateArgs {
-    /// Model folder
+    /// Folder of the model, as `train` wrote it
     model: PathBuf,
     #[command(flatten)]
     data: DataArgs,
@@ -43,7 +43,7 @@ struct Report {
 
 /// Answers all frames and prints the rates.
 pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
-    let model = Model::load(&args.model)?.model;
+    let model = data::load_model(&args.model)?.model;
     let dataset = args.data.open(Some(model.camera().projection.kind()))?;
     if dataset.frames.is_empty() {
         bail!("{} holds no labeled frame", args.data.data.display());
@@ -95,7 +95,7 @@ fn print(report: &Report) -> io::Result<()> {
     }
     output::print_evaluation(&report.evaluation)?;
     if report.n_of_unknown_rooms > 0 {
-        say!("\n{} frames show rooms that the model does not know.", report.n_of_unknown_rooms)?;
+        say!("\nFrames of rooms that the model does not know: {}", report.n_of_unknown_rooms)?;
     }
     Ok(())
 }

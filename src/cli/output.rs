@@ -19,6 +19,19 @@ macro_rules! say {
 }
 pub(super) use say;
 
+/// An error and its causes on one line, each said once: some errors repeat their cause.
+pub fn explained(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.ends_with(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
 /// How this program was called, to show commands that work as they are printed.
 pub fn program() -> String {
     env::args_os().next().map_or_else(|| "roomsight".to_owned(), |name| quoted(Path::new(&name)))
@@ -49,6 +62,7 @@ pub fn table<H: Into<comfy_table::Row>>(header: H) -> Table {
     table
         .load_preset(presets::UTF8_HORIZONTAL_ONLY)
         .remove_style(TableComponent::HorizontalLines)
+        .remove_style(TableComponent::MiddleIntersections)
         .set_header(header);
     table
 }

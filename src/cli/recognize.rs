@@ -11,13 +11,13 @@ use std::path::{Path, PathBuf};
 /// Tell which room frames show
 #[derive(Args)]
 pub(super) struct RecognizeArgs {
-    /// Model folder
+    /// Folder of the model, as `train` wrote it
     model: PathBuf,
     /// Image files
     #[arg(required = true)]
     frames: Vec<PathBuf>,
     /// How many of the most probable rooms to print
-    #[arg(long, default_value_t = 3)]
+    #[arg(long, default_value_t = 3, value_parser = data::at_least(1))]
     top: usize,
     /// Print the answers as JSON
     #[arg(long)]
@@ -37,7 +37,7 @@ struct Line<'a> {
 
 /// Answers every frame that can be read; fails at the end when one could not.
 pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
-    let model = Model::load(&args.model)?.model;
+    let model = data::load_model(&args.model)?.model;
     let mut scratch = Scratch::default();
     let mut table = output::table(["frame", "room", "probability", "known", "keypoints", "others"]);
     let mut n_failed = 0;
@@ -45,7 +45,7 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
         let recognition = match data::read_image(path) {
             Ok(image) => model.recognize(&image, &mut scratch),
             Err(error) => {
-                eprintln!("{error:#}");
+                eprintln!("{}", output::explained(&error));
                 n_failed += 1;
                 continue;
             }

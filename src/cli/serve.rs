@@ -17,7 +17,7 @@ use tracing_subscriber::EnvFilter;
 /// sets `queue`), then flags. --print-config shows all of them.
 #[derive(Args)]
 pub(super) struct ServeArgs {
-    /// The folder NAME/VERSION/ of models, or one model's folder [default: models]
+    /// The folder of models, each as NAME/VERSION/ in it, or one model's folder [default: models]
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
     /// The model of requests that name none [default: the first by name]
@@ -32,8 +32,8 @@ pub(super) struct ServeArgs {
     /// Serve callers without a key on an address that others can reach
     #[arg(long)]
     allow_anonymous: bool,
-    /// How log lines look: human or json
-    #[arg(long, value_name = "FORMAT")]
+    /// How log lines look [default: human]
+    #[arg(long, value_name = "FORMAT", value_parser = ["human", "json"])]
     log_format: Option<String>,
     /// Any other setting, as often as needed
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]

@@ -37,10 +37,10 @@ pub(super) struct SimulateArgs {
         value_parser = parse_drive
     )]
     drives: Vec<(Illumination, u32)>,
-    /// Which camera's frames
+    /// Which camera's frames: std is the perspective one, omni the omnidirectional one
     #[arg(long, default_value = "both", value_parser = ["std", "omni", "both"])]
     camera: String,
-    /// Another seed is another lab
+    /// Draws rooms, furniture and drives; another seed is another lab
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Frames per second at 0.3 m/s; fewer make shorter sequences of the same way

@@ -34,9 +34,9 @@ pub(super) struct TrainArgs {
     #[command(flatten)]
     config: ConfigArgs,
     /// A sentence about the model for its card
-    #[arg(long, default_value = "")]
+    #[arg(long, default_value = "", hide_default_value = true, value_name = "TEXT")]
     description: String,
-    /// Keep no frames of the data with the model
+    /// Do not keep a frame of each room with the model, by which others check that it answers the same
     #[arg(long)]
     no_golden_frames: bool,
     /// Print the rates as JSON

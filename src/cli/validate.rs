@@ -23,11 +23,11 @@ pub(super) struct ValidateArgs {
     /// How to split [default: sequences, unless a split is given]
     #[arg(long, value_enum, conflicts_with_all = ["train", "train_split"])]
     protocol: Option<ProtocolName>,
-    /// Folds of the protocol sequences
-    #[arg(long, default_value_t = 5)]
+    /// With --protocol sequences: into how many folds the sequences are dealt
+    #[arg(long, default_value_t = 5, value_name = "N", value_parser = data::at_least(2))]
     folds: usize,
-    /// Training frames a room of the protocol random
-    #[arg(long, default_value_t = 100)]
+    /// With --protocol random: how many frames of each room train
+    #[arg(long, default_value_t = 100, value_name = "N", value_parser = data::at_least(1))]
     train_frames: usize,
     /// Train on sequences that match, such as '*cloudy1'
     #[arg(long, value_name = "PATTERNS", requires = "test")]
@@ -42,7 +42,7 @@ pub(super) struct ValidateArgs {
     #[arg(long, value_name = "SPLIT", requires = "train_split")]
     test_split: Option<String>,
     /// How often to repeat, with seeds 0, 1, 2, ...
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
     #[command(flatten)]
     config: ConfigArgs,
@@ -123,12 +123,9 @@ fn by_protocol(args: &ValidateArgs, config: &Config, dataset: &Dataset) -> anyho
         Some(ProtocolName::LeaveOneOut) => ("left-out frames", Protocol::LeaveOneOut),
         Some(ProtocolName::Random) => ("random split", Protocol::Random(args.train_frames)),
     };
-    if args.folds < 2 || args.train_frames == 0 {
-        bail!("at least two folds and one training frame are needed");
-    }
     dataset.check()?;
     let camera = args.config.camera(dataset)?;
-    let described = data::describe(&dataset, &Extractor::new(config, camera.clone()))?;
+    let described = data::describe(dataset, &Extractor::new(config, camera.clone()))?;
     let rounds = |seed| validate::rounds(&described.samples, &protocol, seed);
     let bar = output::progress("training", args.seeds as usize * rounds(0).len());
     let mut evaluations = Vec::new();
@@ -161,9 +158,9 @@ fn by_given_split(
             "{path} would train and be answered ({name}): choose sequences or splits without common frames"
         );
     }
-    let camera = args.config.camera(&training)?;
+    let camera = args.config.camera(training)?;
     let extractor = Extractor::new(config, camera.clone());
-    let trained_on = data::describe(&training, &extractor)?;
+    let trained_on = data::describe(training, &extractor)?;
     let samples: Vec<&Sample> = trained_on.samples.iter().collect();
     let tests: Vec<Test> = tests
         .into_iter()
