@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line.
 
 mod data;
+mod demo;
 mod evaluate;
 mod health;
 mod inspect;
@@ -15,6 +16,9 @@ mod train;
 mod validate;
 
 use clap::{Parser, Subcommand};
+use std::ffi::OsStr;
+use std::io;
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Tells a robot which room it is in.
@@ -29,6 +33,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    Demo(demo::DemoArgs),
     Train(train::TrainArgs),
     Evaluate(evaluate::EvaluateArgs),
     Validate(validate::ValidateArgs),
@@ -42,8 +47,20 @@ enum Command {
 
 /// Parses the command line, runs the command, and reports its failure on standard error.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let result: anyhow::Result<()> = match cli.command {
+    match run(Cli::parse().command) {
+        Ok(()) => ExitCode::SUCCESS,
+        // Whoever reads the output (`| head`) has seen enough.
+        Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("roomsight: {}", output::explained(&error));
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(command: Command) -> anyhow::Result<()> {
+    match command {
+        Command::Demo(args) => demo::run(&args),
         Command::Train(args) => train::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Validate(args) => validate::run(&args),
@@ -53,12 +70,15 @@ pub fn main() -> ExitCode {
         Command::Key(args) => key::run(&args),
         Command::Health(args) => health::run(&args),
         Command::Simulate(args) => simulate::run(&args),
-    };
-    match result {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("roomsight: {error:#}");
-            ExitCode::FAILURE
-        }
     }
+}
+
+/// Runs the command of these arguments, the program's name left out.
+fn parse_and_run(arguments: &[&Path]) -> anyhow::Result<()> {
+    let arguments = arguments.iter().map(|argument| argument.as_os_str());
+    run(Cli::try_parse_from([OsStr::new("roomsight")].into_iter().chain(arguments))?.command)
+}
+
+fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == io::ErrorKind::BrokenPipe)
 }

@@ -4,10 +4,12 @@ use super::output;
 use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::dataset::{self, Dataset, Described, Problem};
 use crate::image::{Image, Limits};
-use crate::model::{Config, Extractor};
+use crate::model::{Config, Extractor, LoadedModel, Model};
 use anyhow::{Context, bail};
+use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
-use std::fs;
+use std::fs::{self, File};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 /// Problems that are listed one by one; more are counted.
@@ -16,15 +18,16 @@ const N_LISTED_PROBLEMS: usize = 5;
 /// Which frames of a data set to take.
 #[derive(Args)]
 pub(super) struct DataArgs {
-    /// Labeled frames: a folder a room, a frames.csv manifest, or COLD sequences
+    /// Labeled frames: a folder with a folder for each room, a frames.csv with the columns file and place,
+    /// or sequences of the COLD database
     pub data: PathBuf,
-    /// Take the frames of this camera; folders of frames do not name theirs [default: the only one]
+    /// Take the frames of this camera [default: the only one there is; perspective for a folder a room]
     #[arg(long, value_enum)]
     camera: Option<CameraName>,
-    /// Only sequences that match, such as '*cloudy1,*night?'
+    /// Take the sequences whose names match, such as '*cloudy1,*night?' [default: all]
     #[arg(long, value_name = "PATTERNS")]
     sequences: Option<String>,
-    /// Only frames of this split, such as train
+    /// Take the frames that frames.csv has in this split, such as train [default: all]
     #[arg(long)]
     split: Option<String>,
 }
@@ -78,10 +81,11 @@ pub(super) struct ConfigArgs {
     /// Configuration of the model, as TOML [default: the measured defaults]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
-    /// One parameter, such as representation.n_words=1000 or detector.threshold.fixed=20; repeatable
+    /// One parameter, such as representation.n_words=1000 or detector.threshold.fixed=20; give it as often
+    /// as needed (`inspect` lists the parameters of a model)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     parameters: Vec<String>,
-    /// Picture whose dark pixels are parts of the robot, always in view; of any size
+    /// Picture whose dark pixels are parts of the robot that are always in view; it may have any size
     #[arg(long, value_name = "PICTURE")]
     mask: Option<PathBuf>,
 }
@@ -124,8 +128,26 @@ impl ConfigArgs {
 
 /// Reads an image file within the default limits.
 pub(super) fn read_image(path: &Path) -> anyhow::Result<Image> {
-    let bytes = fs::read(path).with_context(|| path.display().to_string())?;
-    Image::decode(&bytes, &Limits::default()).with_context(|| path.display().to_string())
+    if path.is_dir() {
+        bail!("{} is a folder, not an image: name the files in it", path.display());
+    }
+    let limits = Limits::default();
+    let mut bytes = Vec::new();
+    File::open(path)
+        // One byte more than is taken, so that a longer file is refused and not cut.
+        .and_then(|file| file.take(limits.max_bytes as u64 + 1).read_to_end(&mut bytes))
+        .with_context(|| path.display().to_string())?;
+    Image::decode(&bytes, &limits).with_context(|| path.display().to_string())
+}
+
+/// Loads the model in a folder.
+pub(super) fn load_model(path: &Path) -> anyhow::Result<LoadedModel> {
+    Model::load(path).with_context(|| format!("{} holds no model that can be loaded", path.display()))
+}
+
+/// A parser of numbers that are at least this.
+pub(super) fn at_least(least: u64) -> RangedU64ValueParser<usize> {
+    RangedU64ValueParser::new().range(least..)
 }
 
 /// Describes all frames behind a progress bar and reports those that cannot be read.

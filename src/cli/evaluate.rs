@@ -1,22 +1,26 @@
 //! `roomsight evaluate`: the rates of a model on labeled frames.
 
 use super::data::{self, DataArgs};
-use super::output;
+use super::output::{self, say};
 use crate::evaluate::Evaluation;
-use crate::model::{Extractor, Model};
+use crate::model::Extractor;
 use crate::validate::{self, Answered};
 use anyhow::bail;
 use clap::Args;
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
 use std::path::PathBuf;
+
+/// The most sequences that get a line each.
+const MAX_SEQUENCES: usize = 20;
 
 /// Measure a model on labeled frames
 ///
 /// Frames of rooms that the model does not know count as errors; how many is said.
 #[derive(Args)]
 pub(super) struct EvaluateArgs {
-    /// Model folder
+    /// Folder of the model, as `train` wrote it
     model: PathBuf,
     #[command(flatten)]
     data: DataArgs,
@@ -33,11 +37,13 @@ struct Report {
     /// Frames of rooms that the model does not know.
     n_of_unknown_rooms: usize,
     evaluation: Evaluation,
+    /// The same for each sequence, by name.
+    by_sequence: BTreeMap<String, Evaluation>,
 }
 
 /// Answers all frames and prints the rates.
 pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
-    let model = Model::load(&args.model)?.model;
+    let model = data::load_model(&args.model)?.model;
     let dataset = args.data.open(Some(model.camera().projection.kind()))?;
     if dataset.frames.is_empty() {
         bail!("{} holds no labeled frame", args.data.data.display());
@@ -47,21 +53,49 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     let answers: Vec<Answered> = (0..described.samples.len())
         .map(|sample_idx| validate::answer(&model, &described.samples, sample_idx))
         .collect();
-    let evaluation = validate::evaluate(&dataset, &described, &answers);
+    let mut answers_by_sequence: BTreeMap<String, Vec<Answered>> = BTreeMap::new();
+    for answer in &answers {
+        let sequence = &described.samples[answer.sample_idx].sequence;
+        answers_by_sequence.entry(sequence.clone()).or_default().push(answer.clone());
+    }
+    let evaluate = |answers: &[Answered]| validate::evaluate(&dataset, &described, answers);
+    let by_sequence = answers_by_sequence.into_iter().map(|(name, answers)| (name, evaluate(&answers)));
     let known: BTreeSet<&String> = model.places().iter().collect();
-    let n_of_unknown_rooms = described.samples.iter().filter(|sample| !known.contains(&sample.place)).count();
-    let simulated = data::is_simulated(&args.data.data);
+    let report = Report {
+        model: args.model.clone(),
+        simulated: data::is_simulated(&args.data.data),
+        n_of_unknown_rooms: described.samples.iter().filter(|sample| !known.contains(&sample.place)).count(),
+        evaluation: evaluate(&answers),
+        by_sequence: by_sequence.collect(),
+    };
     if args.json {
-        let report = Report { model: args.model.clone(), simulated, n_of_unknown_rooms, evaluation };
-        println!("{}", serde_json::to_string_pretty(&report)?);
-        return Ok(());
+        say!("{}", serde_json::to_string_pretty(&report)?)?;
+    } else {
+        print(&report)?;
     }
-    if simulated {
-        println!("Simulated frames.\n");
+    Ok(())
+}
+
+fn print(report: &Report) -> io::Result<()> {
+    if report.simulated {
+        say!("Simulated frames.\n")?;
     }
-    output::print_evaluation(&evaluation);
-    if n_of_unknown_rooms > 0 {
-        println!("\n{n_of_unknown_rooms} frames show rooms that the model does not know.");
+    if (2..=MAX_SEQUENCES).contains(&report.by_sequence.len()) {
+        let mut table = output::table(["sequence", "frames", "rate", "near borders", "farther away"]);
+        for (sequence, evaluation) in &report.by_sequence {
+            table.add_row([
+                sequence.clone(),
+                evaluation.overall.n_frames.to_string(),
+                output::rate(&evaluation.overall),
+                output::rate(&evaluation.only_border),
+                output::rate(&evaluation.without_border),
+            ]);
+        }
+        say!("{table}")?;
+    }
+    output::print_evaluation(&report.evaluation)?;
+    if report.n_of_unknown_rooms > 0 {
+        say!("\nFrames of rooms that the model does not know: {}", report.n_of_unknown_rooms)?;
     }
     Ok(())
 }

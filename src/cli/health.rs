@@ -1,5 +1,6 @@
 //! `roomsight health`: whether a service answers frames, for scripts and containers.
 
+use super::output::say;
 use anyhow::{Context, bail};
 use clap::Args;
 use std::time::Duration;
@@ -26,6 +27,6 @@ pub(super) fn run(args: &HealthArgs) -> anyhow::Result<()> {
     if !status.is_success() {
         bail!("{url} answers {status}");
     }
-    println!("ready");
+    say!("ready")?;
     Ok(())
 }

@@ -1,13 +1,13 @@
 //! `roomsight inspect`: the card of a model, or what the core sees in a frame.
 
 use super::data::{self, CameraName, ConfigArgs};
-use super::output;
+use super::output::{self, say};
 use crate::camera::{Camera, CameraKind, Projection};
 use crate::describe::{Descriptor, Region};
 use crate::detect::Keypoint;
 use crate::image::Image;
-use crate::model::{Extractor, LoadedModel, Model, Scratch};
-use anyhow::{Context, bail};
+use crate::model::{Extractor, LoadedModel, Scratch};
+use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ const HIDDEN_TINT: Rgb<u8> = Rgb([70, 60, 140]);
 /// Show a model's card, or draw the corners and regions of a frame into a PNG
 #[derive(Args)]
 pub(super) struct InspectArgs {
-    /// Model folder, or an image file
+    /// Folder of a model, or an image file
     model_or_frame: PathBuf,
     /// For a frame: look at it as this model does [default: the default configuration]
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["camera", "config", "parameters", "mask"])]
@@ -27,7 +27,8 @@ pub(super) struct InspectArgs {
     /// For a frame: the camera it comes from; a mirror needs --model
     #[arg(long, value_enum, default_value = "perspective")]
     camera: CameraName,
-    /// For a frame: the PNG to write [default: the frame's name with .inspect.png]
+    /// For a frame: the PNG to write [default: in this folder, the frame's name with
+    /// .inspect.png]
     #[arg(short, long, value_name = "PNG")]
     output: Option<PathBuf>,
     #[command(flatten)]
@@ -41,8 +42,10 @@ pub(super) struct InspectArgs {
 pub(super) fn run(args: &InspectArgs) -> anyhow::Result<()> {
     let path = &args.model_or_frame;
     if path.is_dir() || path.extension().is_some_and(|extension| extension == "safetensors") {
-        print_card(&Model::load(path)?, args.json)
+        ensure!(args.output.is_none(), "a model is printed: --output is for a frame");
+        print_card(&data::load_model(path)?, args.json)
     } else {
+        ensure!(!args.json, "a frame is drawn: --json is for a model");
         draw(args, path)
     }
 }
@@ -55,7 +58,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
             "n_support_vectors": model.n_support_vectors(), "known_probability": model.known_probability(),
             "card": card, "config": model.config(),
         });
-        println!("{}", serde_json::to_string_pretty(&about)?);
+        say!("{}", serde_json::to_string_pretty(&about)?)?;
         return Ok(());
     }
     let mut table = output::table(["model", ""]);
@@ -66,7 +69,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
         add("description", card.description.clone());
     }
     add("rooms", model.places().join(", "));
-    add("camera", serde_json::to_string(&model.camera().projection)?);
+    add("camera", camera_text(&model.camera().projection));
     let simulated = if card.simulated { ", simulated" } else { "" };
     add("trained on", format!("{} frames{simulated}: {}", card.n_frames, card.sequences.join(", ")));
     for measured in &card.measured {
@@ -76,14 +79,25 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     add("support vectors", format!("{:?}", model.n_support_vectors()));
     add("trained by", card.trained_by.clone());
     add("digest", digest.clone());
-    println!("{table}\n\n{}", toml::to_string(model.config())?);
+    say!("{table}\n\n{}", toml::to_string(model.config())?)?;
     Ok(())
+}
+
+fn camera_text(projection: &Projection) -> String {
+    match projection {
+        Projection::Perspective => "perspective".to_owned(),
+        Projection::Equirectangular => "equirectangular".to_owned(),
+        Projection::Omnidirectional(mirror) => format!(
+            "omnidirectional; in widths of the frame: center ({:.3}, {:.3}), radii {:.3} to {:.3}",
+            mirror.center_x, mirror.center_y, mirror.inner_radius, mirror.outer_radius
+        ),
+    }
 }
 
 fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
     let (config, camera) = match &args.model {
         Some(folder) => {
-            let model = Model::load(folder)?.model;
+            let model = data::load_model(folder)?.model;
             (model.config().clone(), model.camera().clone())
         }
         None => (args.config.read()?, Camera::new(projection(args.camera.into())?)),
@@ -96,11 +110,12 @@ fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
         Descriptor::CsLbp(cs_lbp) => cs_lbp.region,
     };
     let picture = picture(&working, &camera, &features.keypoints, region);
-    let output = args.output.clone().unwrap_or_else(|| path.with_extension("inspect.png"));
+    let here = || path.with_extension("inspect.png").file_name().map(PathBuf::from).unwrap_or_default();
+    let output = args.output.clone().unwrap_or_else(here);
     picture
         .save_with_format(&output, image::ImageFormat::Png)
         .with_context(|| output.display().to_string())?;
-    println!("{} corners, drawn into {}", features.keypoints.len(), output.display());
+    say!("{} corners, drawn into {}", features.keypoints.len(), output.display())?;
     Ok(())
 }
 

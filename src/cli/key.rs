@@ -1,5 +1,6 @@
 //! `roomsight key`: keys of those who may call the service.
 
+use super::output::say;
 use crate::server::{Key, Role};
 use anyhow::anyhow;
 use clap::{Args, Subcommand};
@@ -30,9 +31,9 @@ pub(super) fn run(args: &KeyArgs) -> anyhow::Result<()> {
     let mut random = [0; 32];
     getrandom::fill(&mut random).map_err(|error| anyhow!("the system gives no random numbers: {error}"))?;
     let (secret, key) = Key::new(*role, name, &random)?;
-    println!("The key; it is shown only now:\n\n    {secret}\n");
-    println!("The settings of the service (a file, or --set keys=..., or ROOMSIGHT_KEYS):\n");
-    println!("    keys = [\"{}\"]\n", key.to_line());
-    println!("A caller sends it as `Authorization: Bearer {secret}`.");
+    say!("The key; it is shown only now:\n\n    {secret}\n")?;
+    say!("The settings of the service (a file, or --set keys=..., or ROOMSIGHT_KEYS):\n")?;
+    say!("    keys = [\"{}\"]\n", key.to_line())?;
+    say!("A caller sends it as `Authorization: Bearer {secret}`.")?;
     Ok(())
 }

@@ -1,11 +1,52 @@
 //! What all commands share in what they print: progress bars and tables.
 
 use crate::evaluate::{Evaluation, Rate};
-use comfy_table::{Table, presets};
+use comfy_table::{Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::env;
+use std::io;
+use std::path::Path;
 
 /// The most rooms whose confusion matrix fits a screen.
 const MAX_CONFUSION_PLACES: usize = 10;
+
+/// Prints a line on standard output. Unlike with `println!`, a reader that has left is an error.
+macro_rules! say {
+    ($($format:tt)*) => {{
+        use std::io::Write as _;
+        writeln!(std::io::stdout(), $($format)*)
+    }};
+}
+pub(super) use say;
+
+/// An error and its causes on one line, each said once: some errors repeat their cause.
+pub fn explained(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string).filter(|cause| !cause.is_empty()) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.ends_with(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+/// How this program was called, to show commands that work as they are printed.
+pub fn program() -> String {
+    env::args_os().next().map_or_else(|| "roomsight".to_owned(), |name| quoted(Path::new(&name)))
+}
+
+/// An argument as it is typed in a shell.
+pub fn quoted(argument: &Path) -> String {
+    let text = argument.to_string_lossy();
+    let is_plain = |letter: char| letter.is_alphanumeric() || "-_./=,@:+".contains(letter);
+    if !text.is_empty() && text.chars().all(is_plain) {
+        text.into_owned()
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
+}
 
 /// A progress bar on standard error for work of `n_steps`; silent when that is no terminal.
 pub fn progress(label: &str, n_steps: usize) -> ProgressBar {
@@ -18,12 +59,16 @@ pub fn progress(label: &str, n_steps: usize) -> ProgressBar {
 /// An empty table in the style of all tables, with this header.
 pub fn table<H: Into<comfy_table::Row>>(header: H) -> Table {
     let mut table = Table::new();
-    table.load_preset(presets::UTF8_HORIZONTAL_ONLY).set_header(header);
+    table
+        .load_preset(presets::UTF8_HORIZONTAL_ONLY)
+        .remove_style(TableComponent::HorizontalLines)
+        .remove_style(TableComponent::MiddleIntersections)
+        .set_header(header);
     table
 }
 
 /// Prints the rates and, for up to [`MAX_CONFUSION_PLACES`] rooms, the confusion matrix.
-pub fn print_evaluation(evaluation: &Evaluation) {
+pub fn print_evaluation(evaluation: &Evaluation) -> io::Result<()> {
     if evaluation.places.len() <= MAX_CONFUSION_PLACES {
         let mut header = vec!["shown \\ answered".to_owned()];
         header.extend(evaluation.places.iter().cloned());
@@ -37,13 +82,13 @@ pub fn print_evaluation(evaluation: &Evaluation) {
             row.push(rate(&evaluation.by_place[idx]));
             confusion.add_row(row);
         }
-        println!("{confusion}");
+        say!("{confusion}")?;
     } else {
         let mut by_place = table(["room", "frames", "rate"]);
         for (place, place_rate) in evaluation.places.iter().zip(&evaluation.by_place) {
             by_place.add_row([place.clone(), place_rate.n_frames.to_string(), rate(place_rate)]);
         }
-        println!("{by_place}");
+        say!("{by_place}")?;
     }
     let mut rates = table(["", "correct", "frames", "rate"]);
     let mut add = |name: &str, of: &Rate| {
@@ -54,10 +99,11 @@ pub fn print_evaluation(evaluation: &Evaluation) {
         add("within 0.5 m of a room border", &evaluation.only_border);
         add("farther from borders", &evaluation.without_border);
     }
-    println!("{rates}");
+    say!("{rates}")?;
     if let Some(mean) = evaluation.mean_by_place {
-        println!("Mean over rooms: {mean:.4}");
+        say!("Mean over rooms: {mean:.4}")?;
     }
+    Ok(())
 }
 
 /// A rate with four digits, or a dash where there is none.

@@ -1,6 +1,7 @@
 //! `roomsight recognize`: the room of single frames.
 
-use super::{data, output};
+use super::data;
+use super::output::{self, say};
 use crate::model::{Model, Recognition, Scratch};
 use anyhow::bail;
 use clap::Args;
@@ -10,13 +11,13 @@ use std::path::{Path, PathBuf};
 /// Tell which room frames show
 #[derive(Args)]
 pub(super) struct RecognizeArgs {
-    /// Model folder
+    /// Folder of the model, as `train` wrote it
     model: PathBuf,
     /// Image files
     #[arg(required = true)]
     frames: Vec<PathBuf>,
     /// How many of the most probable rooms to print
-    #[arg(long, default_value_t = 3)]
+    #[arg(long, default_value_t = 3, value_parser = data::at_least(1))]
     top: usize,
     /// Print the answers as JSON
     #[arg(long)]
@@ -36,7 +37,7 @@ struct Line<'a> {
 
 /// Answers every frame that can be read; fails at the end when one could not.
 pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
-    let model = Model::load(&args.model)?.model;
+    let model = data::load_model(&args.model)?.model;
     let mut scratch = Scratch::default();
     let mut table = output::table(["frame", "room", "probability", "known", "keypoints", "others"]);
     let mut n_failed = 0;
@@ -44,14 +45,14 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
         let recognition = match data::read_image(path) {
             Ok(image) => model.recognize(&image, &mut scratch),
             Err(error) => {
-                eprintln!("{error:#}");
+                eprintln!("{}", output::explained(&error));
                 n_failed += 1;
                 continue;
             }
         };
         let line = line(&model, path, &recognition, args.top);
         if args.json {
-            println!("{}", serde_json::to_string(&line)?);
+            say!("{}", serde_json::to_string(&line)?)?;
         } else {
             let others = line.probabilities.iter().skip(1);
             let others: Vec<String> = others.map(|(room, p)| format!("{room} {p:.2}")).collect();
@@ -66,7 +67,7 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
         }
     }
     if !args.json && n_failed < args.frames.len() {
-        println!("{table}");
+        say!("{table}")?;
     }
     if n_failed > 0 {
         bail!("{n_failed} of {} frames could not be read", args.frames.len());

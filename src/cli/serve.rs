@@ -1,5 +1,6 @@
 //! `roomsight serve`: the HTTP service.
 
+use super::output::say;
 use crate::server::{self, App, LogFormat, Settings};
 use anyhow::{Context, bail};
 use clap::Args;
@@ -16,7 +17,7 @@ use tracing_subscriber::EnvFilter;
 /// sets `queue`), then flags. --print-config shows all of them.
 #[derive(Args)]
 pub(super) struct ServeArgs {
-    /// The folder NAME/VERSION/ of models, or one model's folder [default: models]
+    /// The folder of models, each as NAME/VERSION/ in it, or one model's folder [default: models]
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
     /// The model of requests that name none [default: the first by name]
@@ -31,8 +32,8 @@ pub(super) struct ServeArgs {
     /// Serve callers without a key on an address that others can reach
     #[arg(long)]
     allow_anonymous: bool,
-    /// How log lines look: human or json
-    #[arg(long, value_name = "FORMAT")]
+    /// How log lines look [default: human]
+    #[arg(long, value_name = "FORMAT", value_parser = ["human", "json"])]
     log_format: Option<String>,
     /// Any other setting, as often as needed
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
@@ -49,19 +50,23 @@ pub(super) struct ServeArgs {
 pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
     let settings = Settings::load(args.config.as_deref(), environment(), flags(args))?;
     if args.print_config {
-        print!("{}", settings.to_toml()?);
+        say!("{}", settings.to_toml()?.trim_end())?;
         return Ok(());
     }
     start_log(&settings)?;
     let address = permitted_address(&settings)?;
     let app = App::start(settings)?;
     tokio::runtime::Runtime::new()?.block_on(async {
-        let listener = TcpListener::bind(address)
-            .await
-            .with_context(|| format!("cannot listen on {address}; choose another address with --listen"))?;
+        let listener = listen(address).await?;
         tracing::info!("listening on http://{0}, documentation at http://{0}/docs", listener.local_addr()?);
         server::serve(app, listener, stop_signal()).await.context("the service failed")
     })
+}
+
+/// Takes an address.
+pub(super) async fn listen(address: SocketAddr) -> anyhow::Result<TcpListener> {
+    let taken = || format!("cannot listen on {address}; choose another address with --listen");
+    TcpListener::bind(address).await.with_context(taken)
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {
@@ -119,7 +124,7 @@ fn permitted_address(settings: &Settings) -> anyhow::Result<SocketAddr> {
 }
 
 /// Ready when the process is told to stop.
-async fn stop_signal() {
+pub(super) async fn stop_signal() {
     let interrupt = async {
         // Where the signal cannot be had the service runs on.
         if tokio::signal::ctrl_c().await.is_err() {

@@ -1,12 +1,13 @@
 //! `roomsight simulate`: writes sequences of the simulated lab.
 
-use super::output;
+use super::output::{self, say};
 use crate::simulate::{
     CameraKind, Illumination, Lab, Part, Route, SequenceSpec, SequenceSummary, Simulation,
 };
 use anyhow::Context;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use std::io;
 use std::path::PathBuf;
 
 /// Write simulated sequences, laid out like the COLD database
@@ -36,10 +37,10 @@ pub(super) struct SimulateArgs {
         value_parser = parse_drive
     )]
     drives: Vec<(Illumination, u32)>,
-    /// Which camera's frames
+    /// Which camera's frames: std is the perspective one, omni the omnidirectional one
     #[arg(long, default_value = "both", value_parser = ["std", "omni", "both"])]
     camera: String,
-    /// Another seed is another lab
+    /// Draws rooms, furniture and drives; another seed is another lab
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Frames per second at 0.3 m/s; fewer make shorter sequences of the same way
@@ -75,14 +76,14 @@ pub(super) fn run(args: &SimulateArgs) -> anyhow::Result<()> {
         summaries.push(summary.with_context(|| format!("simulating {label}"))?);
     }
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&summaries)?);
+        say!("{}", serde_json::to_string_pretty(&summaries)?)?;
     } else {
-        print_table(&summaries);
+        print_table(&summaries)?;
     }
     Ok(())
 }
 
-fn print_table(summaries: &[SequenceSummary]) {
+fn print_table(summaries: &[SequenceSummary]) -> io::Result<()> {
     let mut table = output::table(["simulated sequence", "frames", "places", ""]);
     for summary in summaries {
         let place = |(place, n_frames): (&String, &usize)| format!("{place} {n_frames}");
@@ -95,7 +96,7 @@ fn print_table(summaries: &[SequenceSummary]) {
             note.to_owned(),
         ]);
     }
-    println!("{table}");
+    say!("{table}")
 }
 
 /// A parser of names that lists them in the help.

@@ -1,7 +1,7 @@
 //! `roomsight train`: labeled frames to a model folder.
 
 use super::data::{self, ConfigArgs, DataArgs};
-use super::output;
+use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Evaluation;
 use crate::model::{Card, Extractor, GoldenFrame, HeldOut, Measurement, Model, Sample, Training};
@@ -34,9 +34,9 @@ pub(super) struct TrainArgs {
     #[command(flatten)]
     config: ConfigArgs,
     /// A sentence about the model for its card
-    #[arg(long, default_value = "")]
+    #[arg(long, default_value = "", hide_default_value = true, value_name = "TEXT")]
     description: String,
-    /// Keep no frames of the data with the model
+    /// Do not keep a frame of each room with the model, by which others check that it answers the same
     #[arg(long)]
     no_golden_frames: bool,
     /// Print the rates as JSON
@@ -81,14 +81,16 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
 
     if args.json {
         let report = Report { model: args.output.clone(), card, held_out: evaluation };
-        println!("{}", serde_json::to_string_pretty(&report)?);
+        say!("{}", serde_json::to_string_pretty(&report)?)?;
         return Ok(());
     }
-    println!("Held-out answers to {} of {} frames:\n", answers.len(), described.samples.len());
-    output::print_evaluation(&evaluation);
-    println!("\n{} is ready. Try it:", args.output.display());
-    println!("  roomsight recognize {} FRAME.jpg", args.output.display());
-    println!("  roomsight serve --models {}", args.output.display());
+    let frames = if card.simulated { "simulated frames" } else { "frames" };
+    say!("Held-out answers to {} of {} {frames}:\n", answers.len(), described.samples.len())?;
+    output::print_evaluation(&evaluation)?;
+    let (program, folder) = (output::program(), output::quoted(&args.output));
+    say!("\n{} is ready. Try it:", args.output.display())?;
+    say!("  {program} recognize {folder} FRAME.jpg")?;
+    say!("  {program} serve --models {folder}")?;
     Ok(())
 }
 

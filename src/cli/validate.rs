@@ -1,7 +1,7 @@
 //! `roomsight validate`: how well a configuration does on a data set, over splits and seeds.
 
 use super::data::{self, ConfigArgs, DataArgs};
-use super::output;
+use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::{Evaluation, Summary};
 use crate::model::{Config, Extractor, Model, Sample};
@@ -10,6 +10,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use serde::Serialize;
 use std::collections::BTreeMap;
+use std::io;
 
 /// Measure a configuration: train on some frames, answer the others, for several seeds
 ///
@@ -22,11 +23,11 @@ pub(super) struct ValidateArgs {
     /// How to split [default: sequences, unless a split is given]
     #[arg(long, value_enum, conflicts_with_all = ["train", "train_split"])]
     protocol: Option<ProtocolName>,
-    /// Folds of the protocol sequences
-    #[arg(long, default_value_t = 5)]
+    /// With --protocol sequences: into how many folds the sequences are dealt
+    #[arg(long, default_value_t = 5, value_name = "N", value_parser = data::at_least(2))]
     folds: usize,
-    /// Training frames a room of the protocol random
-    #[arg(long, default_value_t = 100)]
+    /// With --protocol random: how many frames of each room train
+    #[arg(long, default_value_t = 100, value_name = "N", value_parser = data::at_least(1))]
     train_frames: usize,
     /// Train on sequences that match, such as '*cloudy1'
     #[arg(long, value_name = "PATTERNS", requires = "test")]
@@ -41,7 +42,7 @@ pub(super) struct ValidateArgs {
     #[arg(long, value_name = "SPLIT", requires = "train_split")]
     test_split: Option<String>,
     /// How often to repeat, with seeds 0, 1, 2, ...
-    #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
     seeds: u64,
     #[command(flatten)]
     config: ConfigArgs,
@@ -87,7 +88,7 @@ pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
     let dataset = args.data.open(None)?;
     let config = args.config.read()?;
     let reports = match (&args.train, &args.train_split) {
-        (None, None) => vec![by_protocol(args, &config, dataset)?],
+        (None, None) => vec![by_protocol(args, &config, &dataset)?],
         (train, train_split) => {
             let take = |dataset: &Dataset, sequences: Option<&str>, split: Option<&str>| {
                 let dataset = dataset.clone();
@@ -105,29 +106,26 @@ pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
             if let Some(split) = &args.test_split {
                 tests.push((split.clone(), take(&dataset, None, Some(split))?));
             }
-            by_given_split(args, &config, training, tests)?
+            by_given_split(args, &config, &training, tests)?
         }
     };
     if args.json {
-        println!("{}", serde_json::to_string_pretty(&reports)?);
+        say!("{}", serde_json::to_string_pretty(&reports)?)?;
     } else {
-        print(&reports);
+        print(&reports)?;
     }
     Ok(())
 }
 
-fn by_protocol(args: &ValidateArgs, config: &Config, dataset: Dataset) -> anyhow::Result<Report> {
+fn by_protocol(args: &ValidateArgs, config: &Config, dataset: &Dataset) -> anyhow::Result<Report> {
     let (name, protocol) = match args.protocol {
         None | Some(ProtocolName::Sequences) => ("left-out sequences", Protocol::Sequences(args.folds)),
         Some(ProtocolName::LeaveOneOut) => ("left-out frames", Protocol::LeaveOneOut),
         Some(ProtocolName::Random) => ("random split", Protocol::Random(args.train_frames)),
     };
-    if args.folds < 2 || args.train_frames == 0 {
-        bail!("at least two folds and one training frame are needed");
-    }
     dataset.check()?;
-    let camera = args.config.camera(&dataset)?;
-    let described = data::describe(&dataset, &Extractor::new(config, camera.clone()))?;
+    let camera = args.config.camera(dataset)?;
+    let described = data::describe(dataset, &Extractor::new(config, camera.clone()))?;
     let rounds = |seed| validate::rounds(&described.samples, &protocol, seed);
     let bar = output::progress("training", args.seeds as usize * rounds(0).len());
     let mut evaluations = Vec::new();
@@ -138,7 +136,7 @@ fn by_protocol(args: &ValidateArgs, config: &Config, dataset: Dataset) -> anyhow
             bail!("no room has frames both to train and to answer: there are too few sequences or frames");
         }
         let answers = validate::run(&described.samples, &rounds, (&config, &camera), || bar.inc(1))?;
-        evaluations.push(validate::evaluate(&dataset, &described, &answers));
+        evaluations.push(validate::evaluate(dataset, &described, &answers));
     }
     bar.finish_and_clear();
     Ok(Report::new(name, data::is_simulated(&args.data.data), evaluations))
@@ -147,7 +145,7 @@ fn by_protocol(args: &ValidateArgs, config: &Config, dataset: Dataset) -> anyhow
 fn by_given_split(
     args: &ValidateArgs,
     config: &Config,
-    training: Dataset,
+    training: &Dataset,
     tests: Vec<(String, Dataset)>,
 ) -> anyhow::Result<Vec<Report>> {
     training.check()?;
@@ -160,9 +158,9 @@ fn by_given_split(
             "{path} would train and be answered ({name}): choose sequences or splits without common frames"
         );
     }
-    let camera = args.config.camera(&training)?;
+    let camera = args.config.camera(training)?;
     let extractor = Extractor::new(config, camera.clone());
-    let trained_on = data::describe(&training, &extractor)?;
+    let trained_on = data::describe(training, &extractor)?;
     let samples: Vec<&Sample> = trained_on.samples.iter().collect();
     let tests: Vec<Test> = tests
         .into_iter()
@@ -209,9 +207,9 @@ impl Report {
     }
 }
 
-fn print(reports: &[Report]) {
+fn print(reports: &[Report]) -> io::Result<()> {
     if reports.iter().any(|report| report.simulated) {
-        println!("Simulated frames.\n");
+        say!("Simulated frames.\n")?;
     }
     let mut table =
         output::table(["answered", "frames", "seeds", "mean", "std", "best", "by room", "off borders"]);
@@ -229,11 +227,12 @@ fn print(reports: &[Report]) {
             digits(report.without_border.map(|rate| rate.mean)),
         ]);
     }
-    println!("{table}");
+    say!("{table}")?;
     for report in reports {
         if let Some(first) = report.evaluations.first() {
-            println!("\n{}, seed 0:", report.test);
-            output::print_evaluation(first);
+            say!("\n{}, seed 0:", report.test)?;
+            output::print_evaluation(first)?;
         }
     }
+    Ok(())
 }

@@ -1,0 +1,335 @@
+//! The commands as a person at a terminal sees them: output, files, exit codes.
+
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use serde_json::Value;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::LazyLock;
+use tempfile::TempDir;
+
+const DONE: i32 = 0;
+const FAILED: i32 = 1;
+const WRONG_USAGE: i32 = 2;
+
+/// Parameters that make training quick.
+const QUICK: [&str; 4] = ["--set", "representation.n_words=20", "--set", "detector.threshold.fixed=20"];
+
+const ROOMS: [&str; 3] = ["bars", "dots", "stripes"];
+const N_FRAMES: u32 = 12;
+
+/// What a command did.
+struct Told {
+    code: i32,
+    out: String,
+    err: String,
+}
+
+fn roomsight<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Told {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_roomsight"));
+    let output = command.args(arguments).stdin(Stdio::null()).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
+    Told { code: output.status.code().unwrap(), out: text(&output.stdout), err: text(&output.stderr) }
+}
+
+/// What a command prints that must succeed.
+fn done(arguments: &[&str]) -> String {
+    let told = roomsight(arguments);
+    assert_eq!(told.code, DONE, "{arguments:?}: {}", told.err);
+    told.out
+}
+
+fn json(arguments: &[&str]) -> Value {
+    serde_json::from_str(&done(arguments)).unwrap()
+}
+
+/// What a command says on standard error that must end with this code.
+fn refused(code: i32, arguments: &[&str]) -> String {
+    let told = roomsight(arguments);
+    assert_eq!(told.code, code, "{arguments:?}: {}{}", told.out, told.err);
+    told.err
+}
+
+/// A folder a room, and a model trained on it, shared by all tests.
+struct Lab {
+    folder: TempDir,
+    /// What `train` printed.
+    trained: String,
+}
+
+static LAB: LazyLock<Lab> = LazyLock::new(|| {
+    let folder = TempDir::new().unwrap();
+    write_rooms(&folder.path().join("rooms"));
+    let (data, model) = (path(&folder, "rooms"), path(&folder, "models/lab/1"));
+    let trained = done(&[&["train", &data, "--output", &model], &QUICK[..]].concat());
+    Lab { folder, trained }
+});
+
+impl Lab {
+    fn data(&self) -> String {
+        path(&self.folder, "rooms")
+    }
+
+    fn model(&self) -> String {
+        path(&self.folder, "models/lab/1")
+    }
+
+    fn frame(&self, room: &str) -> String {
+        path(&self.folder, &format!("rooms/{room}/5.png"))
+    }
+}
+
+fn path(folder: &TempDir, name: &str) -> String {
+    text(&folder.path().join(name))
+}
+
+fn text(path: &Path) -> String {
+    path.to_str().unwrap().to_owned()
+}
+
+fn write_rooms(folder: &Path) {
+    for room in ROOMS {
+        fs::create_dir_all(folder.join(room)).unwrap();
+        for shift in 0..N_FRAMES {
+            frame(room, 7 * shift).save(folder.join(format!("{room}/{shift}.png"))).unwrap();
+        }
+    }
+}
+
+/// A small frame of a room, seen from somewhere.
+fn frame(room: &str, shift: u32) -> image::GrayImage {
+    image::GrayImage::from_fn(96, 72, |column, row| {
+        let (x, y) = (column + shift % 24, row + shift / 24);
+        let is_bright = match room {
+            "stripes" => x % 24 < 6 && y % 12 < 9,
+            "bars" => y % 24 < 6 && x % 12 < 9,
+            _ => x % 12 < 4 && y % 12 < 4,
+        };
+        image::Luma([if is_bright { 200 } else { 40 + ((column * 31 + row * 17 + shift) % 5) as u8 }])
+    })
+}
+
+#[test]
+fn train_prints_held_out_rates_and_what_to_try_next() {
+    let trained = &LAB.trained;
+    assert!(trained.contains("Held-out answers to 36 of 36 frames"), "{trained}");
+    for word in ROOMS.into_iter().chain(["all frames", "recognize", "serve --models"]) {
+        assert!(trained.contains(word), "{word}: {trained}");
+    }
+    assert!(!trained.contains("simulated"), "{trained}");
+}
+
+#[test]
+fn a_model_is_never_overwritten() {
+    let file = Path::new(&LAB.model()).join("model.safetensors");
+    let before = fs::read(&file).unwrap();
+    let error = refused(FAILED, &["train", &LAB.data(), "--output", &LAB.model()]);
+    assert!(error.contains("exists already"), "{error}");
+    assert_eq!(fs::read(&file).unwrap(), before);
+}
+
+#[test]
+fn recognize_names_the_room_of_each_frame() {
+    let frames: Vec<String> = ROOMS.iter().map(|room| LAB.frame(room)).collect();
+    let model = LAB.model();
+    let mut arguments = vec!["recognize", "--json", "--top", "2", model.as_str()];
+    arguments.extend(frames.iter().map(String::as_str));
+    let lines: Vec<Value> =
+        done(&arguments).lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(lines.len(), ROOMS.len());
+    for (line, room) in lines.iter().zip(ROOMS) {
+        assert_eq!(line["room"], room, "{line}");
+        assert_eq!(line["probabilities"].as_array().unwrap().len(), 2, "{line}");
+    }
+    let table = done(&["recognize", &model, &frames[0]]);
+    assert!(table.contains(ROOMS[0]) && table.contains("probability"), "{table}");
+}
+
+#[test]
+fn recognize_answers_the_frames_that_it_can_read_and_fails_for_the_others() {
+    let folder = TempDir::new().unwrap();
+    fs::write(folder.path().join("text.png"), "no image").unwrap();
+    let told = roomsight(&[
+        "recognize",
+        &LAB.model(),
+        &path(&folder, "text.png"),
+        &path(&folder, ""),
+        &path(&folder, "missing.png"),
+        &LAB.frame("dots"),
+    ]);
+    assert_eq!(told.code, FAILED);
+    assert!(told.out.contains("dots"), "{}", told.out);
+    for reason in ["not an image", "is a folder", "missing.png", "3 of 4 frames"] {
+        assert!(told.err.contains(reason), "{reason}: {}", told.err);
+    }
+}
+
+#[test]
+fn evaluate_counts_every_frame() {
+    let report = json(&["evaluate", "--json", &LAB.model(), &LAB.data()]);
+    assert_eq!(report["evaluation"]["overall"]["n_frames"], 3 * N_FRAMES);
+    assert_eq!(report["evaluation"]["places"], serde_json::json!(ROOMS));
+    assert_eq!(report["simulated"], false);
+    assert_eq!(report["n_of_unknown_rooms"], 0);
+    let table = done(&["evaluate", &LAB.model(), &LAB.data()]);
+    assert!(table.contains("all frames") && !table.contains("Simulated"), "{table}");
+}
+
+#[test]
+fn evaluate_tells_sequences_apart() {
+    let folder = TempDir::new().unwrap();
+    for (drive, shown) in [("monday", "dots"), ("tuesday", "stripes")] {
+        fs::create_dir_all(folder.path().join("dots").join(drive)).unwrap();
+        for shift in 0..4 {
+            let file = folder.path().join(format!("dots/{drive}/{shift}.png"));
+            frame(shown, shift).save(file).unwrap();
+        }
+    }
+    let report = json(&["evaluate", "--json", &LAB.model(), &path(&folder, "")]);
+    let rate = |drive: &str| report["by_sequence"][drive]["overall"]["rate"].clone();
+    assert_eq!((rate("monday"), rate("tuesday")), (1.0.into(), 0.0.into()), "{report}");
+    let table = done(&["evaluate", &LAB.model(), &path(&folder, "")]);
+    assert!(table.contains("monday") && table.contains("tuesday"), "{table}");
+}
+
+#[test]
+fn validate_runs_each_protocol() {
+    let data = LAB.data();
+    for (protocol, n_frames) in [("sequences", 36), ("random", 30)] {
+        let arguments = ["validate", "--json", &data, "--protocol", protocol, "--train-frames", "2"];
+        let report = json(&[&arguments[..], &["--seeds", "2"], &QUICK[..]].concat());
+        assert_eq!(report[0]["evaluations"].as_array().unwrap().len(), 2, "{report}");
+        assert_eq!(report[0]["evaluations"][0]["overall"]["n_frames"], n_frames, "{report}");
+    }
+    let printed = done(&[&["validate", &data, "--protocol", "leave-one-out"], &QUICK[..]].concat());
+    assert!(printed.contains("left-out frames"), "{printed}");
+}
+
+#[test]
+fn inspect_prints_the_card_of_a_model() {
+    let card = json(&["inspect", "--json", &LAB.model()]);
+    assert_eq!(card["places"], serde_json::json!(ROOMS));
+    assert_eq!(card["card"]["n_frames"], 3 * N_FRAMES);
+    let table = done(&["inspect", &LAB.model()]);
+    assert!(table.contains("perspective") && table.contains("n_words = 20"), "{table}");
+}
+
+#[test]
+fn inspect_draws_a_frame_in_colors() {
+    let folder = TempDir::new().unwrap();
+    let picture = path(&folder, "seen.png");
+    let told = done(&["inspect", &LAB.frame("dots"), "--model", &LAB.model(), "--output", &picture]);
+    assert!(told.contains("corners"), "{told}");
+    let pixels = image::open(&picture).unwrap().to_rgb8();
+    assert_eq!(pixels.dimensions(), (96, 72));
+    assert!(pixels.pixels().any(|pixel| pixel.0[0] != pixel.0[1]));
+}
+
+#[test]
+fn simulated_frames_are_called_so() {
+    let folder = TempDir::new().unwrap();
+    let (frames, model) = (path(&folder, "frames"), path(&folder, "model"));
+    let drives = ["--illumination=cloudy1,sunny1", "--frames-per-second=0.04", "--camera=std"];
+    let summary = json(&[&["simulate", &frames, "--json"], &drives[..]].concat());
+    assert_eq!(summary[0]["was_kept"], false, "{summary}");
+    let kept = json(&[&["simulate", &frames, "--json"], &drives[..]].concat());
+    assert_eq!(kept[1]["was_kept"], true, "{kept}");
+    let trained = done(&[&["train", &frames, "--output", &model], &QUICK[..]].concat());
+    assert!(trained.contains("simulated frames"), "{trained}");
+    let evaluated = done(&["evaluate", &model, &frames]);
+    assert!(evaluated.contains("Simulated frames.") && evaluated.contains("seq3_sunny1"), "{evaluated}");
+}
+
+#[test]
+fn bad_files_of_a_data_set_are_named_and_counted() {
+    let folder = TempDir::new().unwrap();
+    write_rooms(folder.path());
+    for number in 0..7 {
+        fs::write(folder.path().join(format!("dots/bad{number}.png")), "no image").unwrap();
+    }
+    let told =
+        roomsight(&[&["train", &path(&folder, ""), "--output", &path(&folder, "m")], &QUICK[..]].concat());
+    assert_eq!(told.code, DONE, "{}", told.err);
+    assert!(told.err.contains("bad0.png") && told.err.contains("2 more"), "{}", told.err);
+    assert!(told.out.contains("36 of 36"), "{}", told.out);
+}
+
+#[test]
+fn data_that_nothing_can_be_learned_from_is_refused_with_a_reason() {
+    let folder = TempDir::new().unwrap();
+    fs::create_dir_all(folder.path().join("empty")).unwrap();
+    fs::create_dir_all(folder.path().join("one/kitchen")).unwrap();
+    frame("dots", 0).save(folder.path().join("one/kitchen/0.png")).unwrap();
+    for (data, reason) in [("missing", "no such"), ("empty", "not a data set"), ("one", "kitchen")] {
+        let error = refused(FAILED, &["train", &path(&folder, data), "-o", &path(&folder, "model")]);
+        assert!(error.contains(reason), "{data}: {error}");
+    }
+    let error = refused(FAILED, &["evaluate", &LAB.model(), &path(&folder, "empty")]);
+    assert!(error.contains("not a data set"), "{error}");
+}
+
+#[test]
+fn a_damaged_or_missing_model_is_refused_with_a_reason() {
+    let folder = TempDir::new().unwrap();
+    for name in ["model.safetensors", "model.json"] {
+        fs::copy(PathBuf::from(LAB.model()).join(name), folder.path().join(name)).unwrap();
+    }
+    let model = path(&folder, "");
+    done(&["recognize", &model, &LAB.frame("dots")]);
+    let file = folder.path().join("model.safetensors");
+    let mut bytes = fs::read(&file).unwrap();
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    fs::write(&file, bytes).unwrap();
+    let error = refused(FAILED, &["recognize", &model, &LAB.frame("dots")]);
+    assert!(error.contains("damaged"), "{error}");
+    let error = refused(FAILED, &["inspect", &LAB.data()]);
+    assert!(error.contains("no model"), "{error}");
+}
+
+#[test]
+fn wrong_usage_ends_with_code_2_and_says_what_is_wrong() {
+    let (data, model, frame) = (LAB.data(), LAB.model(), LAB.frame("dots"));
+    for (arguments, reason) in [
+        (vec![], "Usage"),
+        (vec!["trian"], "train"),
+        (vec!["train", &data], "--output"),
+        (vec!["recognize", &model], "FRAMES"),
+        (vec!["recognize", &model, &frame, "--top", "0"], "--top"),
+        (vec!["validate", &data, "--folds", "1"], "--folds"),
+        (vec!["validate", &data, "--train", "x"], "--test"),
+        (vec!["simulate", "x", "--illumination", "dawn1"], "dawn1"),
+        (vec!["serve", "--log-format", "xml"], "json"),
+        (vec!["demo", "--listen", "0.0.0.0:80"], "this machine only"),
+    ] {
+        let error = refused(WRONG_USAGE, &arguments);
+        assert!(error.contains(reason), "{arguments:?}: {error}");
+    }
+}
+
+#[test]
+fn wrong_parameters_are_named() {
+    let folder = TempDir::new().unwrap();
+    for (parameter, reason) in [
+        ("representation.n_words=0", "words"),
+        ("representation.n_wrods=9", "n_wrods"),
+        ("detector.threshold.fixed=1000", "1000"),
+        ("seed", "NAME=VALUE"),
+    ] {
+        let arguments = ["train", &LAB.data(), "-o", &path(&folder, "model"), "--set", parameter];
+        let error = refused(FAILED, &arguments);
+        assert!(error.contains(reason), "{parameter}: {error}");
+    }
+}
+
+#[test]
+fn a_reader_that_leaves_is_no_failure() {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_roomsight"));
+    let arguments = ["recognize", "--json", &LAB.model(), &LAB.frame("dots"), &LAB.frame("bars")];
+    let mut running = command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+    drop(running.stdout.take());
+    let output = running.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(DONE));
+    assert!(output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
+}
