@@ -231,11 +231,11 @@ mod tests {
 
     #[test]
     fn marking_a_line_equals_asking_for_each_position() {
-        let mask = Image::from_pixels(3, 1, vec![255, 0, 255]).unwrap();
+        let mask = Image::from_pixels(3, 1, vec![0, 255, 255]).unwrap();
         let masked = Camera { mask: Some(Mask::new(mask)), ..omnidirectional() };
         for camera in [omnidirectional(), masked, Camera::new(Projection::Equirectangular)] {
             let view = camera.view(100, 75);
-            let (start, step) = ((-5.0, 20.0), (1.25, 0.5));
+            let (start, step) = ((-5.0, -5.0), (1.25, 0.9375));
             let mut outside = [7; 90];
             view.mark_outside(start, step, 2.0, &mut outside);
             for (idx, &outside) in outside.iter().enumerate() {

@@ -114,6 +114,28 @@ fn interpolate_row_kernel(a: &[u8], b: &[u8], weights: [u16; 4], sums: &mut [u16
 }
 
 dispatch! {
+    /// Bilinear interpolation along a line: `pixels[i]` is the value at the position `start + i step`, in
+    /// 1/65536 of a pixel, between the four bytes of `quads[i]`: from the lowest the pixel to the upper left
+    /// of the position, and those to the upper right, lower left and lower right. Shares are 1/256 of a pixel.
+    interpolate_quads, interpolate_quads_avx2, interpolate_quads_kernel,
+    (quads: &[u32], start: (i32, i32), step: (i32, i32), pixels: &mut [u8])
+}
+
+#[inline(always)]
+fn interpolate_quads_kernel(quads: &[u32], start: (i32, i32), step: (i32, i32), pixels: &mut [u8]) {
+    let n = pixels.len();
+    let quads = &quads[..n];
+    for i in 0..n {
+        let right = ((start.0 + i as i32 * step.0) >> 8) as u32 & 255;
+        let bottom = ((start.1 + i as i32 * step.1) >> 8) as u32 & 255;
+        // The upper and the lower row are interpolated at once, in the halves of one number.
+        let rows = (quads[i] & 0x00FF_00FF) * (256 - right) + ((quads[i] >> 8) & 0x00FF_00FF) * right;
+        let value = (rows & 0xFFFF) * (256 - bottom) + (rows >> 16) * bottom;
+        pixels[i] = ((value + 32_768) >> 16) as u8;
+    }
+}
+
+dispatch! {
     /// Sets `bit` in `codes[x]` where `a[x]` exceeds `b[x]` by more than `threshold`.
     mark_greater, mark_greater_avx2, mark_greater_kernel,
     (a: &[u16], b: &[u16], threshold: u16, bit: u8, codes: &mut [u8])
@@ -307,6 +329,23 @@ mod tests {
                 let brighter = (0..8).all(|i| difference(i).max(difference(i + 8)) > threshold);
                 let darker = (0..8).all(|i| difference(i).min(difference(i + 8)) < -threshold);
                 prop_assert_eq!(candidates[x] != 0, brighter || darker);
+            }
+        }
+
+        #[test]
+        fn interpolating_two_rows_at_once_equals_the_sum_of_four(
+            corners in prop::collection::vec(any::<[u8; 4]>(), 1..40),
+            start in (0i32..1 << 25, 0i32..1 << 25), step in (-65_536i32..=65_536, -65_536i32..=65_536),
+        ) {
+            let quads: Vec<u32> = corners.iter().map(|&corners| u32::from_le_bytes(corners)).collect();
+            let mut pixels = vec![0; quads.len()];
+            interpolate_quads(&quads, start, step, &mut pixels);
+            for (i, corners) in corners.iter().enumerate() {
+                let share = |start: i32, step: i32| i64::from((start + i as i32 * step) >> 8 & 255);
+                let (x, y) = (share(start.0, step.0), share(start.1, step.1));
+                let weights = [(256 - x) * (256 - y), x * (256 - y), (256 - x) * y, x * y];
+                let sum: i64 = corners.iter().zip(weights).map(|(&corner, weight)| i64::from(corner) * weight).sum();
+                prop_assert_eq!(i64::from(pixels[i]), (sum + 32_768) >> 16);
             }
         }
 

@@ -184,7 +184,7 @@ mod tests {
         let samples: Vec<Sample> =
             (0..40).map(|idx| sample(if idx % 4 == 0 { "hall" } else { "bath" }, "")).collect();
         let split = |seed| rounds(&samples, &Protocol::Random(4), seed).remove(0);
-        let is_hall = |idx: &&usize| **idx % 4 == 0;
+        let is_hall = |idx: &&usize| idx.is_multiple_of(4);
         assert_eq!((split(1).train.len(), split(1).train.iter().filter(is_hall).count()), (8, 4));
         assert_eq!(split(1).test.len(), 32);
         assert_ne!(split(1), split(2));

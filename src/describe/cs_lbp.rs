@@ -40,11 +40,11 @@ impl Default for CsLbp {
 
 impl CsLbp {
     pub(super) fn n_dimensions(&self) -> usize {
-        self.n_cells * self.n_cells << (self.n_neighbors / 2)
+        (self.n_cells * self.n_cells) << (self.n_neighbors / 2)
     }
 
     pub(super) fn check(&self) -> Result<(), String> {
-        if self.n_neighbors % 2 != 0 || !(2..=16).contains(&self.n_neighbors) {
+        if !self.n_neighbors.is_multiple_of(2) || !(2..=16).contains(&self.n_neighbors) {
             return Err(format!(
                 "CS-LBP takes an even number of 2 to 16 neighbors, not {}",
                 self.n_neighbors

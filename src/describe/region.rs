@@ -3,6 +3,7 @@
 use crate::camera::View;
 use crate::detect::Keypoint;
 use crate::image::Image;
+use crate::simd;
 use serde::{Deserialize, Serialize};
 
 /// The longest side that a region may have, in pixels.
@@ -71,18 +72,8 @@ pub(super) struct Window {
     pixels: Vec<u8>,
     /// One a pixel of the region without its margin, 255 where it does not count; empty when all do.
     outside: Vec<u8>,
-    quads: Vec<Quad>,
-}
-
-/// Four neighboring pixels and where between them to interpolate, in 1/256 of a pixel.
-#[derive(Clone, Copy, Default)]
-struct Quad {
-    /// Top left, and bottom left in the upper half.
-    left: u32,
-    /// Top right, and bottom right in the upper half.
-    right: u32,
-    right_share: u32,
-    bottom_share: u32,
+    /// One row of [`simd::interpolate_quads`].
+    quads: Vec<u32>,
 }
 
 impl Window {
@@ -93,7 +84,7 @@ impl Window {
             margin,
             pixels: vec![0; side * side],
             outside: Vec::new(),
-            quads: vec![Quad::default(); side],
+            quads: vec![0; side],
         }
     }
 
@@ -165,37 +156,30 @@ impl Window {
 
         let (width, height, pixels) = (image.width(), image.height(), image.pixels());
         let clamped = |column: i32, row: i32| {
-            u32::from(
-                image.row(row.clamp(0, height as i32 - 1) as usize)
-                    [column.clamp(0, width as i32 - 1) as usize],
-            )
+            image.row(row.clamp(0, height as i32 - 1) as usize)[column.clamp(0, width as i32 - 1) as usize]
         };
         let half_diagonal = reach * std::f32::consts::SQRT_2 + 2.0;
         let is_inside = keypoint.x >= half_diagonal
             && keypoint.y >= half_diagonal
             && keypoint.x + half_diagonal < width as f32
             && keypoint.y + half_diagonal < height as f32;
-        for (row_idx, target) in (0..).zip(self.pixels.chunks_exact_mut(self.region_side + 2 * self.margin)) {
-            let (mut x, mut y) = (start_x + row_idx * down_x, start_y + row_idx * down_y);
+        for (row_idx, target) in (0..).zip(self.pixels.chunks_exact_mut(self.quads.len())) {
+            let start = (start_x + row_idx * down_x, start_y + row_idx * down_y);
+            let (mut x, mut y) = start;
             for quad in &mut self.quads {
                 let (column, row) = (x >> 16, y >> 16);
-                let [top_left, top_right, bottom_left, bottom_right] = if is_inside {
-                    let first = row as usize * width + column as usize;
-                    let (top, bottom) = (&pixels[first..][..2], &pixels[first + width..][..2]);
-                    [top[0], top[1], bottom[0], bottom[1]].map(u32::from)
+                *quad = u32::from_le_bytes(if is_inside {
+                    let top = row as usize * width + column as usize;
+                    let bottom = top + width;
+                    let (top, bottom) = (&pixels[top..top + 2], &pixels[bottom..bottom + 2]);
+                    [top[0], top[1], bottom[0], bottom[1]]
                 } else {
                     [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| clamped(column + dx, row + dy))
-                };
-                *quad = Quad {
-                    left: top_left | bottom_left << 16,
-                    right: top_right | bottom_right << 16,
-                    right_share: (x >> 8) as u32 & 255,
-                    bottom_share: (y >> 8) as u32 & 255,
-                };
+                });
                 x += right_x;
                 y += right_y;
             }
-            target.iter_mut().zip(&self.quads).for_each(|(pixel, quad)| *pixel = quad.interpolate());
+            simd::interpolate_quads(&self.quads, start, (right_x, right_y), target);
         }
     }
 
@@ -213,16 +197,6 @@ impl Window {
     }
 }
 
-impl Quad {
-    /// The upper and the lower row are interpolated at once, in the halves of one number.
-    #[inline]
-    fn interpolate(&self) -> u8 {
-        let rows = self.left * (256 - self.right_share) + self.right * self.right_share;
-        let (top, bottom) = (rows & 0xFFFF, rows >> 16);
-        ((top * (256 - self.bottom_share) + bottom * self.bottom_share + 32_768) >> 16) as u8
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -235,25 +209,6 @@ mod tests {
 
     fn keypoint(x: f32, y: f32) -> Keypoint {
         Keypoint { x, y, response: 1.0 }
-    }
-
-    #[test]
-    fn interpolation_at_once_equals_the_sum_of_four() {
-        for quad in [[0u8, 255, 255, 0], [255; 4], [3, 200, 77, 141]] {
-            for (x, y) in (0..256).flat_map(|x| (0..256).map(move |y| (x, y))) {
-                let weights = [(256 - x) * (256 - y), x * (256 - y), (256 - x) * y, x * y];
-                let sum: i32 =
-                    quad.iter().zip(weights).map(|(&pixel, weight)| i32::from(pixel) * weight).sum();
-                let [top_left, top_right, bottom_left, bottom_right] = quad.map(u32::from);
-                let quad = Quad {
-                    left: top_left | bottom_left << 16,
-                    right: top_right | bottom_right << 16,
-                    right_share: x as u32,
-                    bottom_share: y as u32,
-                };
-                assert_eq!(i32::from(quad.interpolate()), (sum + 32_768) >> 16);
-            }
-        }
     }
 
     #[test]
@@ -287,7 +242,7 @@ mod tests {
         let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 2);
         window.take(&image, &keypoint(1.0, 20.0), &view);
         assert_eq!(window.outside(), None);
-        assert_eq!(window.pixels()[0], image.row(14)[(60 + 1 - 6) % 60]);
+        assert_eq!(window.pixels()[0], image.row(14)[60 - 5]);
     }
 
     #[test]

@@ -35,10 +35,6 @@ const CIRCLE: [(isize, isize); 16] = [
 
 const RADIUS: usize = 3;
 
-/// Where an adapting threshold starts before it falls to the lowest: most frames have enough corners above
-/// one of these, and the fewer pixels pass the first test, the faster. They change no result.
-const FIRST_THRESHOLDS: [u8; 2] = [24, 14];
-
 /// The FAST-9 detector.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -60,7 +56,8 @@ pub enum FastThreshold {
     /// The same gray value difference for every frame, as in the paper.
     Fixed(u8),
     /// As high as leaves `target` corners, so that light does not change their number: the `target` corners
-    /// of highest score.
+    /// of highest score. (A corner's score is the highest threshold at which it is one, and what suppresses
+    /// it at one threshold does so at every lower one.)
     Adaptive {
         /// How many corners to keep.
         target: usize,
@@ -78,12 +75,7 @@ impl Fast {
         }
         match self.threshold {
             FastThreshold::Fixed(threshold) => corners(image, threshold, view),
-            FastThreshold::Adaptive { target, lowest } => {
-                let first = FIRST_THRESHOLDS.into_iter().filter(|&threshold| threshold > lowest);
-                let enough =
-                    first.map(|threshold| corners(image, threshold, view)).find(|c| c.len() >= target);
-                strongest(enough.unwrap_or_else(|| corners(image, lowest, view)), target)
-            }
+            FastThreshold::Adaptive { target, lowest } => strongest(corners(image, lowest, view), target),
         }
     }
 

@@ -10,7 +10,6 @@ use std::{fs, io};
 
 const JPEG_QUALITY: u8 = 88;
 /// The file that tells a simulated root from a real one, and says what is in it.
-/// The file at the root of simulated sequences that says so.
 pub const MARKER_FILE: &str = "SIMULATED.txt";
 
 /// Why a sequence was not simulated.
