@@ -1,7 +1,7 @@
 //! Milliseconds a 640 x 480 JPEG frame takes on one thread, step by step and as a whole.
 //!
-//! The frames show the simulated lab and are rendered at the start; the model, of 300 words, is trained on
-//! them. Each measured call takes the next frame.
+//! The frames show the simulated lab and are rendered at the start; the model is trained on them. Each
+//! measured call takes the next frame.
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 

@@ -4,7 +4,7 @@
 mod kmeans;
 
 use crate::matrix::Matrix;
-use crate::simd::{self, TransposedMatrix};
+use crate::simd::{self, UnitColumns, UnitRows};
 use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
@@ -17,7 +17,8 @@ const MAX_WORDS: usize = 65_536;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Config {
-    /// The number of words, k; the paper tries 50 to 400 and takes 300.
+    /// The number of words, k. The paper tries 50 to 400 and takes 300; more tell more rooms apart
+    /// (docs/RESULTS.md).
     pub n_words: usize,
     /// How a bag is scaled.
     pub normalization: Normalization,
@@ -30,7 +31,7 @@ pub struct Config {
 impl Default for Config {
     fn default() -> Self {
         Self {
-            n_words: 300,
+            n_words: 1000,
             normalization: Normalization::SquareRoot,
             max_descriptors: 100_000,
             max_rounds: 25,
@@ -84,7 +85,7 @@ pub enum VocabularyError {
 #[derive(Clone, Debug)]
 pub struct Vocabulary {
     centers: Matrix,
-    columns: TransposedMatrix,
+    columns: UnitColumns,
     normalization: Normalization,
 }
 
@@ -98,9 +99,9 @@ impl Vocabulary {
         Ok(Self::new(centers, config.normalization))
     }
 
-    /// A vocabulary of these centers, one a row.
+    /// A vocabulary of these centers, one a row. As means of descriptors, none is longer than 1.
     pub fn new(centers: Matrix, normalization: Normalization) -> Self {
-        let columns = TransposedMatrix::new(centers.rows(), centers.n_cols());
+        let columns = UnitColumns::new(&centers);
         Self { centers, columns, normalization }
     }
 
@@ -114,11 +115,11 @@ impl Vocabulary {
         self.centers.n_rows()
     }
 
-    /// The word of each descriptor: the index of the nearest center, ties to the first.
+    /// The word of each descriptor, none of which is longer than 1: the index of the nearest center, in
+    /// fixed point, ties to the first.
     pub fn quantize(&self, descriptors: &Matrix) -> Vec<u32> {
         let mut words = vec![0; descriptors.n_rows()];
-        let mut scores = vec![0.0; descriptors.n_rows()];
-        simd::nearest_columns(descriptors.as_slice(), &self.columns, &mut words, &mut scores);
+        simd::nearest_columns(&UnitRows::new(descriptors), &self.columns, &mut words);
         words
     }
 
@@ -160,7 +161,7 @@ mod tests {
 
     #[test]
     fn bags_count_words_and_are_scaled() {
-        let descriptors = Matrix::from_vec(vec![0.1, 0.0, 0.9, 0.1, 0.8, 0.0, 1.0, 0.2], 2).unwrap();
+        let descriptors = Matrix::from_vec(vec![0.1, 0.0, 0.9, 0.1, 0.8, 0.0, 0.9, 0.2], 2).unwrap();
         let words = vocabulary(Normalization::L1).quantize(&descriptors);
         assert_eq!(words, [0, 1, 1, 1]);
         assert_eq!(vocabulary(Normalization::L1).bag(&words), [0.25, 0.75, 0.0]);

@@ -15,17 +15,26 @@ pub(super) struct Cells {
     cell_of: Vec<usize>,
     weights: Vec<u32>,
     is_uniform: bool,
+    /// Of each cell column, as [`simd::count_codes`] takes them.
+    masks: Vec<[u8; simd::COUNT_BLOCK]>,
     counts: Vec<u32>,
 }
 
 impl Cells {
     /// `n_cells` x `n_cells` cells of `n_bins` bins.
     pub(super) fn new(region: &Region, n_cells: usize, n_bins: usize) -> Self {
+        let cell_of: Vec<usize> = (0..region.side).map(|position| position * n_cells / region.side).collect();
+        let mask = |block: usize, column: usize| {
+            let is_in_column = |x: usize| cell_of.get(block * simd::COUNT_BLOCK + x) == Some(&column);
+            std::array::from_fn(|x| if is_in_column(x) { u8::MAX } else { 0 })
+        };
+        let n_blocks = region.side.div_ceil(simd::COUNT_BLOCK);
         Self {
             region_side: region.side,
             n_cells,
             n_bins,
-            cell_of: (0..region.side).map(|position| position * n_cells / region.side).collect(),
+            masks: (0..n_blocks * n_cells).map(|idx| mask(idx / n_cells, idx % n_cells)).collect(),
+            cell_of,
             weights: region.weights(),
             is_uniform: region.weighting == Weighting::Uniform,
             counts: vec![0; n_cells * n_cells * n_bins],
@@ -54,7 +63,7 @@ impl Cells {
 
     fn count_pixel_by_pixel(&mut self, codes: &[u8], bins: &[u8; 256], window: &Window) {
         let side = self.region_side;
-        for (y, code_row) in codes.chunks(window.side()).enumerate() {
+        for (y, code_row) in codes.chunks(window.side()).take(side).enumerate() {
             for (x, &code) in code_row[..side].iter().enumerate() {
                 if window.outside().is_none_or(|outside| outside[y * side + x] == 0) {
                     let cell = self.cell_of[y] * self.n_cells + self.cell_of[x];
@@ -69,20 +78,11 @@ impl Cells {
     /// count.
     fn count_bin_by_bin(&mut self, codes: &[u8], window: &Window) {
         // A region has at most 255 rows; see `Region::check`.
-        let mut column_counts = vec![0u8; self.region_side];
-        for cell_row in 0..self.n_cells {
+        for (cell_row, counts) in self.counts.chunks_mut(self.n_cells * self.n_bins).enumerate() {
             let first_row = self.cell_of.partition_point(|&cell| cell < cell_row);
             let end_row = self.cell_of.partition_point(|&cell| cell <= cell_row);
-            let end = (end_row * window.side()).min(codes.len());
-            let codes = &codes[first_row * window.side()..end];
-            for bin in 0..self.n_bins {
-                column_counts.fill(0);
-                simd::count_equal(codes, window.side(), bin as u8, &mut column_counts);
-                for (&cell_column, &count) in self.cell_of.iter().zip(&column_counts) {
-                    let cell = cell_row * self.n_cells + cell_column;
-                    self.counts[cell * self.n_bins + bin] += u32::from(count);
-                }
-            }
+            let codes = &codes[first_row * window.side()..];
+            simd::count_codes(codes, window.side(), end_row - first_row, &self.masks, self.n_bins, counts);
         }
     }
 }
@@ -107,7 +107,7 @@ mod tests {
         #[test]
         fn counting_bin_by_bin_equals_counting_pixel_by_pixel(
             side in 8usize..70, n_cells in 1usize..8, n_bins in 1usize..=16, center in 4f32..100.0,
-            random in prop::collection::vec(any::<u8>(), 80 * 80),
+            random in prop::collection::vec(any::<u8>(), 80 * 80 + 32),
         ) {
             let region = Region { side, weighting: Weighting::Uniform };
             let image = noise(200, 200);
@@ -115,8 +115,8 @@ mod tests {
             let mut window = Window::new(&region, 3);
             // In the corner, some of the window is outside.
             window.take(&image, &Keypoint { x: center, y: center + 5.0, response: 0.0 }, &view);
-            let length = (side - 1) * window.side() + side;
-            let mut codes: Vec<u8> = random[..length].iter().map(|code| code % n_bins as u8).collect();
+            let codes = random[..window.codes_length()].iter().map(|code| code % n_bins as u8);
+            let mut codes: Vec<u8> = codes.collect();
             let bins = std::array::from_fn(|code| code as u8);
             let (mut apart, mut plain) = (Cells::new(&region, n_cells, n_bins), Cells::new(&region, n_cells, n_bins));
             plain.count_pixel_by_pixel(&codes, &bins, &window);

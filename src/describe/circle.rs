@@ -1,9 +1,9 @@
 //! Neighbors on a circle round every pixel of a window, interpolated.
 
 use super::region::Window;
-use crate::simd;
+use crate::simd::Taps;
 
-/// One in the fixed-point gray values of [`NeighborCircle`].
+/// What the weights of a neighbor sum to.
 const ONE: u16 = 256;
 
 /// Evenly spread neighbors on a circle.
@@ -30,36 +30,32 @@ impl NeighborCircle {
         Self { neighbors: (0..n_neighbors).map(neighbor).collect(), margin: margin(radius) }
     }
 
-    /// The gray values of one neighbor of every pixel, in 1/256, into `plane`: rows of the window's side
-    /// one after the other, the region's pixels at the start of each.
-    pub(super) fn neighbor_plane(&self, neighbor_idx: usize, window: &Window, plane: &mut [u16]) {
-        self.plane(&self.neighbors[neighbor_idx], window, plane);
+    /// One neighbor of every pixel of the region: rows of the window's side one after the other, the
+    /// region's pixels at the start of each. What lies between two rows of the region means nothing.
+    pub(super) fn neighbors<'a>(&self, neighbor_idx: usize, window: &'a Window) -> Taps<'a> {
+        self.taps(&self.neighbors[neighbor_idx], window)
     }
 
-    /// The pixels themselves, as [`NeighborCircle::neighbor_plane`] gives their neighbors.
-    pub(super) fn center_plane(&self, window: &Window, plane: &mut [u16]) {
-        self.plane(&Neighbor { column: 0, row: 0, weights: [ONE, 0, 0, 0] }, window, plane);
+    /// The pixels themselves, laid out as their [`NeighborCircle::neighbors`].
+    pub(super) fn centers<'a>(&self, window: &'a Window) -> Taps<'a> {
+        self.taps(&Neighbor { column: 0, row: 0, weights: [ONE, 0, 0, 0] }, window)
     }
 
-    fn plane(&self, neighbor: &Neighbor, window: &Window, plane: &mut [u16]) {
+    fn taps<'a>(&self, neighbor: &Neighbor, window: &'a Window) -> Taps<'a> {
         let side = window.side();
         let row = self.margin.wrapping_add_signed(neighbor.row);
         let start = row * side + self.margin.wrapping_add_signed(neighbor.column);
-        // All rows at once: what is computed between two rows of the region is not used.
-        let above = &window.pixels()[start..][..=plane.len()];
-        let below = &window.pixels()[start + side..][..=plane.len()];
-        simd::interpolate_row(above, below, neighbor.weights, plane);
+        Taps {
+            above: &window.pixels()[start..],
+            below: &window.pixels()[start + side..],
+            weights: neighbor.weights,
+        }
     }
 }
 
 /// How many pixels beyond the region a circle of this radius reads, interpolation included.
 pub(super) fn margin(radius: f32) -> usize {
     radius.ceil() as usize + 1
-}
-
-/// The length of a plane for a window: from the first pixel of the region to its last.
-pub(super) fn plane_length(window: &Window, region_side: usize) -> usize {
-    (region_side - 1) * window.side() + region_side
 }
 
 impl Neighbor {
@@ -100,15 +96,19 @@ mod tests {
             let circle = NeighborCircle::new(n_neighbors, radius);
             let mut window = Window::new(&region, margin(radius));
             window.take(&image, &Keypoint { x: 40.0, y: 30.0, response: 0.0 }, &view);
-            let mut plane = vec![0; plane_length(&window, region.side)];
             for neighbor_idx in 0..n_neighbors {
-                circle.neighbor_plane(neighbor_idx, &window, &mut plane);
+                let taps = circle.neighbors(neighbor_idx, &window);
                 let angle = std::f32::consts::TAU * neighbor_idx as f32 / n_neighbors as f32;
                 for (x, y) in [(0, 0), (6, 0), (3, 5), (6, 6)] {
                     let expected = (37 + x) as f32
                         + radius * angle.cos()
                         + 2.0 * ((27 + y) as f32 - radius * angle.sin());
-                    let value = f32::from(plane[y * window.side() + x]) / 256.0;
+                    let start = y * window.side() + x;
+                    let pixels = [&taps.above[start..], &taps.below[start..]].map(|row| [row[0], row[1]]);
+                    let weighted = pixels.as_flattened().iter().zip(taps.weights);
+                    let sum: f32 =
+                        weighted.map(|(&pixel, weight)| f32::from(pixel) * f32::from(weight)).sum();
+                    let value = sum / f32::from(ONE);
                     assert!((value - expected).abs() < 0.05, "{value} {expected}");
                 }
             }

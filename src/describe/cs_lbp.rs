@@ -62,18 +62,16 @@ impl CsLbp {
         let circle = NeighborCircle::new(self.n_neighbors, self.radius);
         let mut window = Window::new(&self.region, circle::margin(self.radius));
         let mut cells = Cells::new(&self.region, self.n_cells, 1 << n_pairs);
-        let n_codes = circle::plane_length(&window, self.region.side);
-        let (mut neighbor, mut opposite) = (vec![0; n_codes], vec![0; n_codes]);
-        let mut codes = vec![0; n_codes];
+        let mut codes = vec![0; window.codes_length()];
         let bins = std::array::from_fn(|code| code as u8);
         let mut descriptors = Matrix::zeros(keypoints.len(), self.n_dimensions());
         for (row_idx, keypoint) in keypoints.iter().enumerate() {
             window.take(image, keypoint, view);
             codes.fill(0);
             for pair in 0..n_pairs {
-                circle.neighbor_plane(pair, &window, &mut neighbor);
-                circle.neighbor_plane(pair + n_pairs, &window, &mut opposite);
-                simd::mark_greater(&neighbor, &opposite, threshold, 1 << pair, &mut codes);
+                let neighbors = circle.neighbors(pair, &window);
+                let opposite = circle.neighbors(pair + n_pairs, &window);
+                simd::mark_brighter(neighbors, opposite, threshold, 1 << pair, &mut codes);
             }
             cells.describe(&mut codes, &bins, &window, descriptors.row_mut(row_idx));
         }

@@ -52,9 +52,7 @@ impl Lbp {
         let circle = NeighborCircle::new(N_NEIGHBORS, self.radius);
         let mut window = Window::new(&self.region, circle::margin(self.radius));
         let mut cells = Cells::new(&self.region, self.n_cells, N_BINS);
-        let n_codes = circle::plane_length(&window, self.region.side);
-        let (mut center, mut neighbor) = (vec![0; n_codes], vec![0; n_codes]);
-        let mut darker = vec![0; n_codes];
+        let mut darker = vec![0; window.codes_length()];
         // What is computed are the neighbors darker than the center: the complement of the code.
         let bins = uniform_bins();
         let bins_of_darker = std::array::from_fn(|darker| bins[usize::from(!(darker as u8))]);
@@ -62,10 +60,10 @@ impl Lbp {
         for (row_idx, keypoint) in keypoints.iter().enumerate() {
             window.take(image, keypoint, view);
             darker.fill(0);
-            circle.center_plane(&window, &mut center);
+            let centers = circle.centers(&window);
             for neighbor_idx in 0..N_NEIGHBORS {
-                circle.neighbor_plane(neighbor_idx, &window, &mut neighbor);
-                simd::mark_greater(&center, &neighbor, 0, 1 << neighbor_idx, &mut darker);
+                let neighbors = circle.neighbors(neighbor_idx, &window);
+                simd::mark_brighter(centers, neighbors, 0, 1 << neighbor_idx, &mut darker);
             }
             cells.describe(&mut darker, &bins_of_darker, &window, descriptors.row_mut(row_idx));
         }

@@ -69,11 +69,12 @@ impl Region {
 pub(super) struct Window {
     region_side: usize,
     margin: usize,
+    /// Row after row, and as many more as a block of [`simd::count_codes`] may read beyond them.
     pixels: Vec<u8>,
     /// One a pixel of the region without its margin, 255 where it does not count; empty when all do.
     outside: Vec<u8>,
-    /// One row of [`simd::interpolate_quads`].
-    quads: Vec<u32>,
+    /// The upright surroundings of a turned window that reaches beyond the frame.
+    surroundings: Vec<u8>,
 }
 
 impl Window {
@@ -82,9 +83,9 @@ impl Window {
         Self {
             region_side: region.side,
             margin,
-            pixels: vec![0; side * side],
+            pixels: vec![0; side * side + simd::COUNT_BLOCK],
             outside: Vec::new(),
-            quads: vec![0; side],
+            surroundings: Vec::new(),
         }
     }
 
@@ -93,9 +94,15 @@ impl Window {
         self.region_side + 2 * self.margin
     }
 
-    /// Row after row of [`Window::side`] pixels.
+    /// Row after row of [`Window::side`] pixels; some that mean nothing follow.
     pub(super) fn pixels(&self) -> &[u8] {
         &self.pixels
+    }
+
+    /// How many codes there are when each pixel of the region has one: rows of [`Window::side`], the
+    /// region's pixels at the start of each, the last one as long as [`simd::count_codes`] reads it.
+    pub(super) fn codes_length(&self) -> usize {
+        (self.region_side - 1) * self.side() + self.region_side.next_multiple_of(simd::COUNT_BLOCK)
     }
 
     /// 0 where a pixel of the region lies, with its margin, in the valid region, else 255; `None` when all
@@ -126,60 +133,42 @@ impl Window {
     }
 
     fn take_upright(&mut self, image: &Image, keypoint: &Keypoint, view: &View) {
-        let side = self.side();
         let reach = (self.region_side / 2 + self.margin) as isize;
-        let (left, top) = (keypoint.x.round() as isize - reach, keypoint.y.round() as isize - reach);
-        let (width, height) = (image.width() as isize, image.height() as isize);
-        for (row_idx, target) in self.pixels.chunks_exact_mut(side).enumerate() {
-            let row = image.row((top + row_idx as isize).clamp(0, height - 1) as usize);
-            if left >= 0 && left + side as isize <= width {
-                target.copy_from_slice(&row[left as usize..][..side]);
-                continue;
-            }
-            for (x, pixel) in (left..).zip(target) {
-                let x = if view.wraps() { x.rem_euclid(width) } else { x.clamp(0, width - 1) };
-                *pixel = row[x as usize];
-            }
-        }
+        let corner = (keypoint.x.round() as isize - reach, keypoint.y.round() as isize - reach);
+        let side = self.side();
+        copy_square(image, corner, side, view.wraps(), &mut self.pixels);
     }
 
-    /// Bilinear interpolation in fixed point: positions in 1/65536 of a pixel. Beyond the image its border
-    /// pixels are repeated.
+    /// Bilinear interpolation in fixed point: positions in 1/65536 of a pixel.
     fn take_turned(&mut self, image: &Image, keypoint: &Keypoint, (down_x, down_y): (f32, f32)) {
+        let side = self.side();
+        let reach = (self.region_side / 2 + self.margin) as f32;
+        // Half the diagonal, and the pixels that are interpolated between.
+        let half = (reach * std::f32::consts::SQRT_2).ceil() + 2.0;
+        let is_inside = keypoint.x >= half
+            && keypoint.y >= half
+            && keypoint.x + half < image.width() as f32
+            && keypoint.y + half < image.height() as f32;
+        let (pixels, width, (x, y)) = if is_inside {
+            (image.pixels(), image.width(), (keypoint.x, keypoint.y))
+        } else {
+            let corner = (keypoint.x.floor() - half, keypoint.y.floor() - half);
+            let surroundings_side = 2 * half as usize + 2;
+            self.surroundings.resize(surroundings_side * surroundings_side, 0);
+            let whole = (corner.0 as isize, corner.1 as isize);
+            copy_square(image, whole, surroundings_side, false, &mut self.surroundings);
+            (&self.surroundings[..], surroundings_side, (keypoint.x - corner.0, keypoint.y - corner.1))
+        };
+
         let fixed = |value: f32| (value * 65_536.0) as i32;
         let (right_x, right_y) = (down_y, -down_x);
-        let reach = (self.region_side / 2 + self.margin) as f32;
-        let start_x = fixed(keypoint.x - reach * (right_x + down_x));
-        let start_y = fixed(keypoint.y - reach * (right_y + down_y));
-        let (right_x, right_y) = (fixed(right_x), fixed(right_y));
+        let (start_x, start_y) =
+            (fixed(x - reach * (right_x + down_x)), fixed(y - reach * (right_y + down_y)));
+        let step = (fixed(right_x), fixed(right_y));
         let (down_x, down_y) = (fixed(down_x), fixed(down_y));
-
-        let (width, height, pixels) = (image.width(), image.height(), image.pixels());
-        let clamped = |column: i32, row: i32| {
-            image.row(row.clamp(0, height as i32 - 1) as usize)[column.clamp(0, width as i32 - 1) as usize]
-        };
-        let half_diagonal = reach * std::f32::consts::SQRT_2 + 2.0;
-        let is_inside = keypoint.x >= half_diagonal
-            && keypoint.y >= half_diagonal
-            && keypoint.x + half_diagonal < width as f32
-            && keypoint.y + half_diagonal < height as f32;
-        for (row_idx, target) in (0..).zip(self.pixels.chunks_exact_mut(self.quads.len())) {
+        for (row_idx, line) in (0..).zip(self.pixels[..side * side].chunks_exact_mut(side)) {
             let start = (start_x + row_idx * down_x, start_y + row_idx * down_y);
-            let (mut x, mut y) = start;
-            for quad in &mut self.quads {
-                let (column, row) = (x >> 16, y >> 16);
-                *quad = u32::from_le_bytes(if is_inside {
-                    let top = row as usize * width + column as usize;
-                    let bottom = top + width;
-                    let (top, bottom) = (&pixels[top..top + 2], &pixels[bottom..bottom + 2]);
-                    [top[0], top[1], bottom[0], bottom[1]]
-                } else {
-                    [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(dx, dy)| clamped(column + dx, row + dy))
-                });
-                x += right_x;
-                y += right_y;
-            }
-            simd::interpolate_quads(&self.quads, start, (right_x, right_y), target);
+            simd::interpolate_line(pixels, width, start, step, line);
         }
     }
 
@@ -193,6 +182,23 @@ impl Window {
             let start =
                 (keypoint.x - half * right.0 + along * down.0, keypoint.y - half * right.1 + along * down.1);
             view.mark_outside(start, right, self.margin as f32, outside);
+        }
+    }
+}
+
+/// Copies the square of `side` pixels whose upper left corner is (left, top). Beyond the image its border
+/// pixels are repeated, or its columns when it `wraps`.
+fn copy_square(image: &Image, (left, top): (isize, isize), side: usize, wraps: bool, square: &mut [u8]) {
+    let (width, height) = (image.width() as isize, image.height() as isize);
+    for (y, line) in (top..).zip(square[..side * side].chunks_exact_mut(side)) {
+        let row = image.row(y.clamp(0, height - 1) as usize);
+        if left >= 0 && left + side as isize <= width {
+            line.copy_from_slice(&row[left as usize..][..side]);
+            continue;
+        }
+        for (x, pixel) in (left..).zip(line) {
+            let x = if wraps { x.rem_euclid(width) } else { x.clamp(0, width - 1) };
+            *pixel = row[x as usize];
         }
     }
 }
@@ -218,7 +224,7 @@ mod tests {
         let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 3);
         window.take(&image, &keypoint(30.0, 20.0), &view);
         assert_eq!(window.outside(), None);
-        for (idx, &pixel) in window.pixels().iter().enumerate() {
+        for (idx, &pixel) in window.pixels()[..14 * 14].iter().enumerate() {
             assert_eq!(pixel, image.row(20 - 7 + idx / 14)[30 - 7 + idx % 14]);
         }
     }
@@ -260,11 +266,32 @@ mod tests {
             let (x, y) = (100.0 + 50.0 * angle.cos(), 100.0 + 50.0 * angle.sin());
             window.take(&image, &keypoint(x, y), &view);
             assert_eq!(window.outside(), None);
-            for (row_idx, row) in window.pixels().chunks(10).enumerate() {
+            for (row_idx, row) in window.pixels()[..100].chunks(10).enumerate() {
                 let radius = 50.0 + row_idx as f32 - 5.0;
                 for &pixel in row {
                     assert!((f32::from(pixel) - 2.0 * radius).abs() < 3.0, "{angle} {row_idx} {pixel}");
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn turned_windows_repeat_the_border_beyond_the_frame() {
+        let mirror = Mirror { center_x: 0.5, center_y: 0.5, inner_radius: 0.0, outer_radius: 0.5 };
+        let camera = Camera::new(Projection::Omnidirectional(mirror));
+        let image = gradient(60, 60);
+        let continued = |idx: usize| {
+            let at = |position: usize| position.clamp(40, 99) - 40;
+            image.row(at(idx / 140))[at(idx % 140)]
+        };
+        let larger = Image::from_pixels(140, 140, (0..140 * 140).map(continued).collect()).unwrap();
+        let region = Region { side: 16, weighting: Weighting::Uniform };
+        let (mut window, mut expected) = (Window::new(&region, 2), Window::new(&region, 2));
+        for (x, y) in [(1.0, 1.0), (3.0, 30.0), (57.0, 12.0), (31.0, 59.0), (14.0, 14.0)] {
+            window.take(&image, &keypoint(x, y), &camera.view(60, 60));
+            expected.take(&larger, &keypoint(x + 40.0, y + 40.0), &camera.view(140, 140));
+            for (&pixel, &expected) in window.pixels().iter().zip(expected.pixels()) {
+                assert!(pixel.abs_diff(expected) <= 1, "{x} {y}: {pixel} {expected}");
             }
         }
     }

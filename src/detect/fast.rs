@@ -13,26 +13,7 @@ use crate::image::Image;
 use crate::simd;
 use serde::{Deserialize, Serialize};
 
-/// The circle of radius 3, clockwise from the top.
-const CIRCLE: [(isize, isize); 16] = [
-    (0, -3),
-    (1, -3),
-    (2, -2),
-    (3, -1),
-    (3, 0),
-    (3, 1),
-    (2, 2),
-    (1, 3),
-    (0, 3),
-    (-1, 3),
-    (-2, 2),
-    (-3, 1),
-    (-3, 0),
-    (-3, -1),
-    (-2, -2),
-    (-1, -3),
-];
-
+/// Of the circle.
 const RADIUS: usize = 3;
 
 /// The FAST-9 detector.
@@ -148,80 +129,42 @@ fn scored_corners(image: &Image, threshold: u8) -> Vec<Keypoint> {
     if width <= 2 * RADIUS || height <= 2 * RADIUS {
         return found;
     }
-    let mut candidates = vec![0; width - 2 * RADIUS];
-    // Scores of three rows, turned round; one higher than the score so that 0 is no corner.
-    let mut scores = [vec![0u16; width], vec![0u16; width], vec![0u16; width]];
-    let mut columns: [Vec<usize>; 3] = Default::default();
+    // Of three rows, turned round; a corner's strength is one more than its score, others have 0.
+    let mut strengths = [vec![0u8; width], vec![0u8; width], vec![0u8; width]];
     for y in RADIUS..=height - RADIUS {
-        let current = y % 3;
-        for &x in &columns[current] {
-            scores[current][x] = 0;
-        }
-        columns[current].clear();
+        let current = &mut strengths[y % 3];
         if y < height - RADIUS {
-            score_row(image, y, threshold, &mut candidates, |x, score| {
-                scores[current][x] = u16::from(score) + 1;
-                columns[current].push(x);
-            });
+            let rows = std::array::from_fn(|row| image.row(y - RADIUS + row));
+            simd::fast_strengths(&rows, threshold, &mut current[RADIUS..width - RADIUS]);
+        } else {
+            current.fill(0);
         }
-        let (above, middle) = ((y + 1) % 3, (y + 2) % 3);
-        for &x in &columns[middle] {
-            let score = scores[middle][x];
-            let neighbors = [&scores[above][x - 1..=x + 1], &scores[current][x - 1..=x + 1]];
-            let largest = neighbors.iter().all(|row| row.iter().all(|&other| other < score))
-                && scores[middle][x - 1] < score
-                && scores[middle][x + 1] < score;
-            if largest {
-                found.push(Keypoint { x: x as f32, y: (y - 1) as f32, response: f32::from(score - 1) });
+        let [above, middle, below] = [y - 2, y - 1, y].map(|y| &strengths[y % 3][..]);
+        for_each_corner(middle, |x, strength| {
+            let is_largest =
+                [above, below].iter().all(|row| row[x - 1..=x + 1].iter().all(|&s| s < strength))
+                    && middle[x - 1] < strength
+                    && middle[x + 1] < strength;
+            if is_largest {
+                found.push(Keypoint { x: x as f32, y: (y - 1) as f32, response: f32::from(strength - 1) });
             }
-        }
+        });
     }
     found
 }
 
-/// Calls `emit(x, score)` for each corner of row `y`, from left to right.
-fn score_row(image: &Image, y: usize, threshold: u8, candidates: &mut [u8], mut emit: impl FnMut(usize, u8)) {
-    let width = image.width();
-    let center_start = y * width + RADIUS;
-    let starts = CIRCLE.map(|(dx, dy)| center_start.wrapping_add_signed(dy * width as isize + dx));
-    let n_pixels = candidates.len();
-    let pixels = image.pixels();
-    let circle = starts.map(|start| &pixels[start..start + n_pixels]);
-    let center = &pixels[center_start..center_start + n_pixels];
-    simd::mark_fast_candidates(center, &circle, threshold, candidates);
-    for (block_idx, block) in candidates.chunks(16).enumerate() {
-        if block.iter().all(|&candidate| candidate == 0) {
+/// Calls `visit(x, strength)` for each pixel of a row that has a strength, from left to right.
+fn for_each_corner(strengths: &[u8], mut visit: impl FnMut(usize, u8)) {
+    // Most have none: sixteen at a time are looked at first.
+    const BLOCK: usize = 16;
+    for (block_idx, block) in strengths.chunks(BLOCK).enumerate() {
+        if <[u8; BLOCK]>::try_from(block).is_ok_and(|block| u128::from_ne_bytes(block) == 0) {
             continue;
         }
-        for (offset, _) in block.iter().enumerate().filter(|&(_, &candidate)| candidate != 0) {
-            let x = block_idx * 16 + offset;
-            let score = score(center[x], &circle.map(|pixels| pixels[x]));
-            if let Some(score) = score.filter(|&score| score >= threshold) {
-                emit(x + RADIUS, score);
-            }
+        for (offset, &strength) in block.iter().enumerate().filter(|&(_, &strength)| strength != 0) {
+            visit(block_idx * BLOCK + offset, strength);
         }
     }
-}
-
-/// The largest threshold at which the pixel is a corner; `None` when it is one at no threshold.
-///
-/// An arc is beyond t as long as its pixel nearest to the center is: the best arc has the largest smallest
-/// difference.
-fn score(center: u8, circle: &[u8; 16]) -> Option<u8> {
-    let differences = circle.map(|pixel| i16::from(pixel) - i16::from(center));
-    let brighter = best_arc(differences);
-    let darker = best_arc(differences.map(|difference| -difference));
-    u8::try_from(brighter.max(darker) - 1).ok()
-}
-
-/// The largest minimum over all arcs of 9, by doubling the arcs' length: 1, 2, 4, 8, 9. The circle is
-/// continued by as much as an arc exceeds its start, so that all arcs of a length are found in one sweep.
-fn best_arc(differences: [i16; 16]) -> i16 {
-    let one: [i16; 24] = std::array::from_fn(|start| differences[start % 16]);
-    let two: [i16; 22] = std::array::from_fn(|start| one[start].min(one[start + 1]));
-    let four: [i16; 20] = std::array::from_fn(|start| two[start].min(two[start + 2]));
-    let nine: [i16; 16] = std::array::from_fn(|start| four[start].min(four[start + 4]).min(one[start + 8]));
-    nine.into_iter().fold(i16::MIN, i16::max)
 }
 
 #[cfg(test)]
@@ -229,6 +172,26 @@ mod tests {
     use super::*;
     use crate::camera::{Camera, Mask, Mirror, Projection};
     use proptest::prelude::*;
+
+    /// The circle of radius 3, clockwise from the top.
+    const CIRCLE: [(isize, isize); 16] = [
+        (0, -3),
+        (1, -3),
+        (2, -2),
+        (3, -1),
+        (3, 0),
+        (3, 1),
+        (2, 2),
+        (1, 3),
+        (0, 3),
+        (-1, 3),
+        (-2, 2),
+        (-3, 1),
+        (-3, 0),
+        (-3, -1),
+        (-2, -2),
+        (-1, -3),
+    ];
 
     /// The segment test as the paper words it.
     fn naive_is_corner(image: &Image, x: usize, y: usize, threshold: i32) -> bool {

@@ -38,9 +38,17 @@ fn decode_jpeg(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
         .jpeg_set_max_scans(MAX_SCANS)
         .jpeg_set_out_colorspace(ColorSpace::Luma)
         .set_strict_mode(true);
-    check_jpeg_size(bytes, limits)?;
     let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    decoder.decode_headers().map_err(|error| ImageError::Damaged(error.to_string()))?;
+    if let Err(error) = decoder.decode_headers() {
+        // The limits are one reason: a decoder that allows any size tells a large frame from a damaged one.
+        let any_size = DecoderOptions::default().set_max_width(usize::MAX).set_max_height(usize::MAX);
+        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), any_size);
+        if decoder.decode_headers().is_ok() {
+            check_jpeg_size(&decoder, limits)?;
+        }
+        return Err(ImageError::Damaged(error.to_string()));
+    }
+    check_jpeg_size(&decoder, limits)?;
     if !matches!(decoder.input_colorspace(), Some(ColorSpace::YCbCr | ColorSpace::Luma)) {
         return decode_other(bytes, ImageFormat::Jpeg, limits);
     }
@@ -54,11 +62,7 @@ fn decode_jpeg(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
     })
 }
 
-/// Reads the dimensions with a decoder that allows any, to tell a large frame from a damaged one.
-fn check_jpeg_size(bytes: &[u8], limits: &Limits) -> Result<(), ImageError> {
-    let any_size = DecoderOptions::default().set_max_width(usize::MAX).set_max_height(usize::MAX);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), any_size);
-    decoder.decode_headers().map_err(|error| ImageError::Damaged(error.to_string()))?;
+fn check_jpeg_size(decoder: &JpegDecoder<ZCursor<&[u8]>>, limits: &Limits) -> Result<(), ImageError> {
     let (width, height) = decoder.dimensions().ok_or_else(|| damaged("no dimensions"))?;
     let (width, height) = (width as u64, height as u64);
     check_size(width, height, width * height * JPEG_MEMORY_PER_PIXEL, limits)

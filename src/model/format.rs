@@ -148,7 +148,8 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     let centers = matrix(file, "vocabulary.centers")?;
     require(centers.n_cols() == config.descriptor.n_dimensions(), "its words fit no descriptor")?;
     require(centers.n_rows() == bag.n_words, "its vocabulary has another number of words than it says")?;
-    require(centers.as_slice().iter().all(|value| value.is_finite()), "a word is no number")?;
+    let is_center = |word: &[f32]| word.iter().map(|value| value * value).sum::<f32>() < 1.001;
+    require(centers.rows().all(is_center), "a word is no mean of descriptors")?;
     let weights = matrix(file, "svm.weights")?;
     require(weights.n_cols() == bag.n_words, "its machines fit no vocabulary")?;
     let n_support_vectors = array(file, "svm.n_support_vectors", Dtype::U32, 1)?.1;

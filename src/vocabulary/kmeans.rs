@@ -6,7 +6,7 @@
 
 use super::VocabularyError;
 use crate::matrix::Matrix;
-use crate::simd::{self, TransposedMatrix};
+use crate::simd::{self, UnitColumns, UnitRows};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -14,7 +14,7 @@ use rayon::prelude::*;
 /// Rows that are worked on by one thread at a time.
 const BLOCK_ROWS: usize = 2048;
 
-/// `n_clusters` centers of the rows, after at most `max_rounds` rounds.
+/// `n_clusters` centers of the rows, none of which is longer than 1, after at most `max_rounds` rounds.
 pub(super) fn cluster(
     rows: &Matrix,
     n_clusters: usize,
@@ -25,11 +25,11 @@ pub(super) fn cluster(
     let mut nearest = vec![u32::MAX; rows.n_rows()];
     for _ in 0..max_rounds {
         let before = nearest.clone();
-        let scores = assign(rows, &centers, &mut nearest);
+        assign(rows, &centers, &mut nearest);
         if nearest == before {
             break;
         }
-        let farthest_first = empty_clusters_rows(rows, &scores, &nearest, n_clusters);
+        let farthest_first = empty_clusters_rows(rows, &centers, &nearest);
         centers = means(rows, &nearest, &centers, &farthest_first);
     }
     Ok(centers)
@@ -102,32 +102,27 @@ fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum::<f32>() + rest
 }
 
-/// Finds the nearest center of each row; returns the scores of [`simd::nearest_columns`].
-fn assign(rows: &Matrix, centers: &Matrix, nearest: &mut [u32]) -> Vec<f32> {
-    let columns = TransposedMatrix::new(centers.rows(), centers.n_cols());
-    let mut scores = vec![0.0; nearest.len()];
-    nearest
-        .par_chunks_mut(BLOCK_ROWS)
-        .zip(scores.par_chunks_mut(BLOCK_ROWS))
-        .zip(rows.as_slice().par_chunks(BLOCK_ROWS * rows.n_cols()))
-        .for_each(|((nearest, scores), rows)| simd::nearest_columns(rows, &columns, nearest, scores));
-    scores
+/// Finds the nearest center of each row.
+fn assign(rows: &Matrix, centers: &Matrix, nearest: &mut [u32]) {
+    let columns = UnitColumns::new(centers);
+    let blocks = rows.as_slice().par_chunks(BLOCK_ROWS * rows.n_cols());
+    nearest.par_chunks_mut(BLOCK_ROWS).zip(blocks).for_each(|(nearest, rows)| {
+        simd::nearest_columns(&UnitRows::from_slice(rows, centers.n_cols()), &columns, nearest);
+    });
 }
 
 /// For each cluster without rows one row far from its own center, the farthest first.
-fn empty_clusters_rows(rows: &Matrix, scores: &[f32], nearest: &[u32], n_clusters: usize) -> Vec<usize> {
-    let mut occupied = vec![false; n_clusters];
+fn empty_clusters_rows(rows: &Matrix, centers: &Matrix, nearest: &[u32]) -> Vec<usize> {
+    let mut occupied = vec![false; centers.n_rows()];
     nearest.iter().for_each(|&cluster| occupied[cluster as usize] = true);
     let n_empty = occupied.iter().filter(|&&occupied| !occupied).count();
     if n_empty == 0 {
         return Vec::new();
     }
-    let distance = |row_idx: usize| {
-        let squared_length: f32 = rows.row(row_idx).iter().map(|value| value * value).sum();
-        squared_length - 2.0 * scores[row_idx]
-    };
+    let distance =
+        |row_idx: usize| squared_distance(rows.row(row_idx), centers.row(nearest[row_idx] as usize));
     let mut by_distance: Vec<usize> = (0..rows.n_rows()).collect();
-    by_distance.sort_by(|&a, &b| distance(b).total_cmp(&distance(a)));
+    by_distance.sort_by_cached_key(|&row_idx| std::cmp::Reverse(distance(row_idx).to_bits()));
     by_distance.truncate(n_empty);
     by_distance
 }
@@ -185,8 +180,8 @@ mod tests {
         let mut random = random(1);
         let mut rows = Matrix::new(3);
         for row_idx in 0..n_rows {
-            let center = (row_idx % 5) as f32 * 10.0;
-            rows.push_row(&std::array::from_fn::<f32, 3, _>(|_| center + random.random::<f32>()));
+            let center = (row_idx % 5) as f32 * 0.1;
+            rows.push_row(&std::array::from_fn::<f32, 3, _>(|_| center + 0.01 * random.random::<f32>()));
         }
         rows
     }
@@ -205,7 +200,7 @@ mod tests {
         let mut found: Vec<f32> = centers.rows().map(|center| center[0]).collect();
         found.sort_by(f32::total_cmp);
         for (idx, center) in found.iter().enumerate() {
-            assert!((center - (idx as f32 * 10.0 + 0.5)).abs() < 0.1, "{found:?}");
+            assert!((center - (idx as f32 * 0.1 + 0.005)).abs() < 0.001, "{found:?}");
         }
     }
 
@@ -229,7 +224,7 @@ mod tests {
 
     #[test]
     fn too_few_distinct_rows_are_an_error() {
-        let rows = Matrix::from_vec([[1.0f32, 2.0], [3.0, 4.0]].repeat(50).concat(), 2).unwrap();
+        let rows = Matrix::from_vec([[0.1f32, 0.2], [0.3, 0.4]].repeat(50).concat(), 2).unwrap();
         let error = cluster(&rows, 3, 10, &mut random(5)).unwrap_err();
         assert_eq!(error, VocabularyError::TooFewDescriptors { found: 2, wanted: 3 });
         assert!(cluster(&Matrix::new(2), 1, 10, &mut random(5)).is_err());
@@ -237,13 +232,13 @@ mod tests {
 
     #[test]
     fn a_cluster_that_loses_its_rows_takes_a_far_one() {
-        let rows = Matrix::from_vec(vec![0.0, 0.1, 0.2, 50.0], 1).unwrap();
-        let nearest = [0, 0, 0, 0];
-        let centers = Matrix::from_vec(vec![0.1, 99.0], 1).unwrap();
-        let mut assigned = nearest;
-        let scores = assign(&rows, &centers, &mut assigned);
-        let replacements = empty_clusters_rows(&rows, &scores, &nearest, 2);
+        let rows = Matrix::from_vec(vec![0.0, 0.1, 0.2, 0.7], 1).unwrap();
+        let centers = Matrix::from_vec(vec![0.1, -0.9], 1).unwrap();
+        let mut nearest = [1; 4];
+        assign(&rows, &centers, &mut nearest);
+        assert_eq!(nearest, [0; 4]);
+        let replacements = empty_clusters_rows(&rows, &centers, &nearest);
         assert_eq!(replacements, [3]);
-        assert_eq!(means(&rows, &nearest, &centers, &replacements).row(1), [50.0]);
+        assert_eq!(means(&rows, &nearest, &centers, &replacements).row(1), [0.7]);
     }
 }

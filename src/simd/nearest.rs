@@ -1,0 +1,300 @@
+//! The nearest of many vectors, in fixed point.
+
+use crate::matrix::Matrix;
+
+/// One in the fixed-point numbers: the products of vectors of unit length then fit 32 bits.
+const ONE: f32 = 16_384.0;
+
+/// Columns that are worked on at once.
+const COLUMN_BLOCK: usize = 16;
+
+/// Rows that are worked on at once.
+const ROW_BLOCK: usize = 4;
+
+/// Vectors of at most unit length, rounded to fixed point. Numbers lie two by two, as they are multiplied;
+/// a row of odd length ends with a zero.
+#[derive(Clone, Debug)]
+pub struct UnitRows {
+    pairs: Vec<[i16; 2]>,
+    n_pairs_a_row: usize,
+}
+
+impl UnitRows {
+    /// The rows of `matrix`, none of which is longer than 1.
+    pub fn new(matrix: &Matrix) -> Self {
+        Self::from_slice(matrix.as_slice(), matrix.n_cols())
+    }
+
+    /// Rows of `n_cols` numbers that lie one after the other in `values`, none of which is longer than 1.
+    pub fn from_slice(values: &[f32], n_cols: usize) -> Self {
+        let n_pairs_a_row = n_cols.div_ceil(2);
+        let n_rows = values.len().checked_div(n_cols).unwrap_or(0);
+        let mut pairs = vec![[0; 2]; n_rows * n_pairs_a_row];
+        for (row, pairs) in
+            values.chunks_exact(n_cols.max(1)).zip(pairs.chunks_exact_mut(n_pairs_a_row.max(1)))
+        {
+            let numbers = pairs.as_flattened_mut().iter_mut();
+            numbers.zip(row).for_each(|(number, &value)| *number = fixed(value));
+        }
+        Self { pairs, n_pairs_a_row }
+    }
+}
+
+/// Rounded to the nearest fixed-point number; halves away from zero.
+fn fixed(value: f32) -> i16 {
+    (value * ONE + 0.5f32.copysign(value)) as i16
+}
+
+/// The rows of a matrix laid out as columns, for [`nearest_columns`].
+#[derive(Clone, Debug)]
+pub struct UnitColumns {
+    /// Blocks of [`COLUMN_BLOCK`] columns; within a block, pair after pair.
+    blocks: Vec<[[i16; 2]; COLUMN_BLOCK]>,
+    /// The squared length of each column; so large for padding that it is never nearest.
+    squared_lengths: Vec<[i32; COLUMN_BLOCK]>,
+    n_pairs: usize,
+}
+
+impl UnitColumns {
+    /// Lays out the rows of `matrix`, none of which is longer than 1, as columns.
+    pub fn new(matrix: &Matrix) -> Self {
+        let rows = UnitRows::new(matrix);
+        let n_pairs = rows.n_pairs_a_row;
+        let n_blocks = matrix.n_rows().div_ceil(COLUMN_BLOCK);
+        let mut blocks = vec![[[0; 2]; COLUMN_BLOCK]; n_blocks * n_pairs];
+        let mut squared_lengths = vec![[i32::MAX / 2; COLUMN_BLOCK]; n_blocks];
+        for (column_idx, row) in rows.pairs.chunks_exact(n_pairs.max(1)).enumerate() {
+            let (block_idx, lane) = (column_idx / COLUMN_BLOCK, column_idx % COLUMN_BLOCK);
+            let block = &mut blocks[block_idx * n_pairs..][..n_pairs];
+            block.iter_mut().zip(row).for_each(|(lanes, &pair)| lanes[lane] = pair);
+            squared_lengths[block_idx][lane] =
+                row.iter().fold(0, |sum, &pair| sum.wrapping_add(product(pair, pair)));
+        }
+        Self { blocks, squared_lengths, n_pairs }
+    }
+}
+
+/// The product of two pairs. Vectors that are too long give wrong distances, but no overflow.
+#[inline(always)]
+fn product(a: [i16; 2], b: [i16; 2]) -> i32 {
+    (i32::from(a[0]) * i32::from(b[0])).wrapping_add(i32::from(a[1]) * i32::from(b[1]))
+}
+
+/// The nearest column of each row, by the distance of the fixed-point vectors, ties to the first, into
+/// `nearest`; `rows` holds as many.
+pub fn nearest_columns(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
+    // No plain Rust is compiled to the instruction that multiplies pairs and adds them; hence not `dispatch`.
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn with_avx2(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
+            nearest_columns_kernel::<x86::Avx2>(rows, columns, nearest);
+        }
+
+        #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
+        fn with_avx512(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
+            nearest_columns_kernel::<x86::Avx512>(rows, columns, nearest);
+        }
+
+        use std::arch::is_x86_feature_detected as has;
+        if has!("avx512f") && has!("avx512bw") && has!("avx512vl") {
+            // SAFETY: the CPU has all that the function asks for.
+            return unsafe { with_avx512(rows, columns, nearest) };
+        }
+        if has!("avx2") {
+            // SAFETY: the CPU has all that the function asks for.
+            return unsafe { with_avx2(rows, columns, nearest) };
+        }
+    }
+    nearest_columns_kernel::<Plain>(rows, columns, nearest);
+}
+
+/// Running products of one row with [`COLUMN_BLOCK`] columns.
+trait Products: Copy {
+    const ZERO: Self;
+
+    /// Adds the products of the next pair.
+    fn add(self, pair: [i16; 2], lanes: &[[i16; 2]; COLUMN_BLOCK]) -> Self;
+
+    fn into_lanes(self) -> [i32; COLUMN_BLOCK];
+}
+
+#[derive(Clone, Copy)]
+struct Plain([i32; COLUMN_BLOCK]);
+
+impl Products for Plain {
+    const ZERO: Self = Self([0; COLUMN_BLOCK]);
+
+    #[inline(always)]
+    fn add(mut self, pair: [i16; 2], lanes: &[[i16; 2]; COLUMN_BLOCK]) -> Self {
+        self.0.iter_mut().zip(lanes).for_each(|(sum, &lane)| *sum = sum.wrapping_add(product(pair, lane)));
+        self
+    }
+
+    fn into_lanes(self) -> [i32; COLUMN_BLOCK] {
+        self.0
+    }
+}
+
+/// The same with the instructions that multiply pairs. To be called from functions compiled for them alone,
+/// into which it is inlined.
+#[cfg(target_arch = "x86_64")]
+mod x86 {
+    use super::{COLUMN_BLOCK, Products};
+    use std::arch::x86_64::{
+        __m256i, __m512i, _mm256_add_epi32, _mm256_madd_epi16, _mm256_set1_epi32, _mm512_add_epi32,
+        _mm512_madd_epi16, _mm512_set1_epi32,
+    };
+    use std::mem::transmute;
+
+    type Lanes = [[i16; 2]; COLUMN_BLOCK];
+
+    #[derive(Clone, Copy)]
+    pub struct Avx2([__m256i; 2]);
+
+    impl Products for Avx2 {
+        // SAFETY: whole numbers of the same size.
+        const ZERO: Self = Self(unsafe { transmute::<Lanes, [__m256i; 2]>([[0; 2]; COLUMN_BLOCK]) });
+
+        #[inline(always)]
+        fn add(self, pair: [i16; 2], lanes: &Lanes) -> Self {
+            // SAFETY: whole numbers of the same size; the caller has AVX2.
+            unsafe {
+                let pairs = _mm256_set1_epi32(transmute::<[i16; 2], i32>(pair));
+                let lanes = transmute::<Lanes, [__m256i; 2]>(*lanes);
+                Self([
+                    _mm256_add_epi32(self.0[0], _mm256_madd_epi16(pairs, lanes[0])),
+                    _mm256_add_epi32(self.0[1], _mm256_madd_epi16(pairs, lanes[1])),
+                ])
+            }
+        }
+
+        #[inline(always)]
+        fn into_lanes(self) -> [i32; COLUMN_BLOCK] {
+            // SAFETY: whole numbers of the same size.
+            unsafe { transmute(self.0) }
+        }
+    }
+
+    #[derive(Clone, Copy)]
+    pub struct Avx512(__m512i);
+
+    impl Products for Avx512 {
+        // SAFETY: whole numbers of the same size.
+        const ZERO: Self = Self(unsafe { transmute::<Lanes, __m512i>([[0; 2]; COLUMN_BLOCK]) });
+
+        #[inline(always)]
+        fn add(self, pair: [i16; 2], lanes: &Lanes) -> Self {
+            // SAFETY: whole numbers of the same size; the caller has AVX-512 with bytes and words.
+            unsafe {
+                let pairs = _mm512_set1_epi32(transmute::<[i16; 2], i32>(pair));
+                let lanes = transmute::<Lanes, __m512i>(*lanes);
+                Self(_mm512_add_epi32(self.0, _mm512_madd_epi16(pairs, lanes)))
+            }
+        }
+
+        #[inline(always)]
+        fn into_lanes(self) -> [i32; COLUMN_BLOCK] {
+            // SAFETY: whole numbers of the same size.
+            unsafe { transmute(self.0) }
+        }
+    }
+}
+
+#[inline(always)]
+fn nearest_columns_kernel<P: Products>(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
+    let n = columns.n_pairs;
+    let mut row_idx = 0;
+    while row_idx < nearest.len() {
+        let n_block = ROW_BLOCK.min(nearest.len() - row_idx);
+        let block = &rows.pairs[row_idx * n..(row_idx + n_block) * n];
+        let nearest = &mut nearest[row_idx..][..n_block];
+        if n_block == ROW_BLOCK {
+            nearest_of_block::<P, ROW_BLOCK>(block, columns, nearest);
+        } else {
+            for i in 0..n_block {
+                nearest_of_block::<P, 1>(&block[i * n..][..n], columns, &mut nearest[i..=i]);
+            }
+        }
+        row_idx += n_block;
+    }
+}
+
+/// `R` rows against all columns, [`COLUMN_BLOCK`] at a time; a lane is a column. The nearest column has the
+/// largest 2 row . column - |column|^2.
+#[inline(always)]
+fn nearest_of_block<P: Products, const R: usize>(
+    rows: &[[i16; 2]],
+    columns: &UnitColumns,
+    nearest: &mut [u32],
+) {
+    let n = columns.n_pairs;
+    let row: [&[[i16; 2]]; R] = std::array::from_fn(|r| &rows[r * n..][..n]);
+    let mut best_score = [[i32::MIN; COLUMN_BLOCK]; R];
+    let mut best_block = [[0u32; COLUMN_BLOCK]; R];
+    for (block_idx, squared_lengths) in columns.squared_lengths.iter().enumerate() {
+        let block = &columns.blocks[block_idx * n..][..n];
+        let mut products = [P::ZERO; R];
+        for (i, lanes) in block.iter().enumerate() {
+            for r in 0..R {
+                products[r] = products[r].add(row[r][i], lanes);
+            }
+        }
+        for r in 0..R {
+            let products = products[r].into_lanes();
+            for lane in 0..COLUMN_BLOCK {
+                let score = products[lane].wrapping_mul(2).wrapping_sub(squared_lengths[lane]);
+                let better = score > best_score[r][lane];
+                best_score[r][lane] = if better { score } else { best_score[r][lane] };
+                best_block[r][lane] = if better { block_idx as u32 } else { best_block[r][lane] };
+            }
+        }
+    }
+    for r in 0..R {
+        let column = |lane: usize| best_block[r][lane] * COLUMN_BLOCK as u32 + lane as u32;
+        let mut best = 0;
+        for lane in 1..COLUMN_BLOCK {
+            let (score, best_so_far) = (best_score[r][lane], best_score[r][best]);
+            if score > best_so_far || (score == best_so_far && column(lane) < column(best)) {
+                best = lane;
+            }
+        }
+        nearest[r] = column(best);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// `n_rows` rows, none longer than 1, of few distinct values: ties are common.
+    fn rows(values: &[i8], n_rows: usize, n_cols: usize) -> Matrix {
+        let scale = 1.0 / (4.0 * (n_cols as f32).sqrt());
+        let values = (0..n_rows * n_cols).map(|idx| f32::from(values[idx % values.len()]) * scale).collect();
+        Matrix::from_vec(values, n_cols).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn the_nearest_column_is_the_naive_one(
+            n_rows in 1usize..10, n_columns in 1usize..50, width in 1usize..20,
+            values in prop::collection::vec(-4i8..=4, 1400),
+        ) {
+            let (rows, centers) = (rows(&values, n_rows, width), rows(&values[200..], n_columns, width));
+            let (fixed_rows, columns) = (UnitRows::new(&rows), UnitColumns::new(&centers));
+            let (mut nearest, mut plain) = (vec![0; n_rows], vec![0; n_rows]);
+            nearest_columns(&fixed_rows, &columns, &mut nearest);
+            nearest_columns_kernel::<Plain>(&fixed_rows, &columns, &mut plain);
+            prop_assert_eq!(&nearest, &plain);
+            for (row_idx, row) in rows.rows().enumerate() {
+                let distance = |center: &[f32]| -> i64 {
+                    row.iter().zip(center).map(|(&a, &b)| (i64::from(fixed(a)) - i64::from(fixed(b))).pow(2)).sum()
+                };
+                // The first of several that are as near.
+                let expected = (0..n_columns).min_by_key(|&idx| distance(centers.row(idx))).unwrap();
+                prop_assert_eq!(nearest[row_idx] as usize, expected);
+            }
+        }
+    }
+}
