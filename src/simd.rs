@@ -14,7 +14,9 @@ mod pattern;
 
 pub use fast::fast_strengths;
 pub use nearest::{UnitColumns, UnitRows, nearest_columns};
-pub use pattern::{COUNT_BLOCK, Taps, count_codes, interpolate_line, mark_brighter};
+pub use pattern::{
+    CODE_BLOCK, COUNT_BLOCK, GRID_BLOCK, Grid, Taps, count_codes, interpolate_grid, mark_brighter,
+};
 
 /// Defines `$name` as `$kernel`, compiled for the widest vectors that the CPU has.
 macro_rules! dispatch {

@@ -62,18 +62,18 @@ impl CsLbp {
         let circle = NeighborCircle::new(self.n_neighbors, self.radius);
         let mut window = Window::new(&self.region, circle::margin(self.radius));
         let mut cells = Cells::new(&self.region, self.n_cells, 1 << n_pairs);
-        let mut codes = vec![0; window.codes_length()];
+        let mut codes = window.new_codes();
         let bins = std::array::from_fn(|code| code as u8);
         let mut descriptors = Matrix::zeros(keypoints.len(), self.n_dimensions());
         for (row_idx, keypoint) in keypoints.iter().enumerate() {
             window.take(image, keypoint, view);
-            codes.fill(0);
+            codes.as_flattened_mut().fill(0);
             for pair in 0..n_pairs {
                 let neighbors = circle.neighbors(pair, &window);
                 let opposite = circle.neighbors(pair + n_pairs, &window);
                 simd::mark_brighter(neighbors, opposite, threshold, 1 << pair, &mut codes);
             }
-            cells.describe(&mut codes, &bins, &window, descriptors.row_mut(row_idx));
+            cells.describe(codes.as_flattened_mut(), &bins, &window, descriptors.row_mut(row_idx));
         }
         descriptors
     }

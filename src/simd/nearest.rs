@@ -242,12 +242,7 @@ fn nearest_of_block<P: Products, const R: usize>(
         }
         for r in 0..R {
             let products = products[r].into_lanes();
-            for lane in 0..COLUMN_BLOCK {
-                let score = products[lane].wrapping_mul(2).wrapping_sub(squared_lengths[lane]);
-                let better = score > best_score[r][lane];
-                best_score[r][lane] = if better { score } else { best_score[r][lane] };
-                best_block[r][lane] = if better { block_idx as u32 } else { best_block[r][lane] };
-            }
+            keep_larger(&products, squared_lengths, block_idx, &mut best_score[r], &mut best_block[r]);
         }
     }
     for r in 0..R {
@@ -260,6 +255,29 @@ fn nearest_of_block<P: Products, const R: usize>(
             }
         }
         nearest[r] = column(best);
+    }
+}
+
+/// Keeps in each lane the larger score, and the block that it is from.
+#[inline(always)]
+fn keep_larger(
+    products: &[i32; COLUMN_BLOCK],
+    squared_lengths: &[i32; COLUMN_BLOCK],
+    block_idx: usize,
+    best_score: &mut [i32; COLUMN_BLOCK],
+    best_block: &mut [u32; COLUMN_BLOCK],
+) {
+    let mut scores = [0; COLUMN_BLOCK];
+    for lane in 0..COLUMN_BLOCK {
+        scores[lane] = products[lane].wrapping_mul(2).wrapping_sub(squared_lengths[lane]);
+    }
+    // Masks, since the compiler makes a branch for each lane of a choice.
+    for lane in 0..COLUMN_BLOCK {
+        let is_larger = u32::from(scores[lane] > best_score[lane]).wrapping_neg();
+        best_block[lane] = (block_idx as u32 & is_larger) | (best_block[lane] & !is_larger);
+    }
+    for lane in 0..COLUMN_BLOCK {
+        best_score[lane] = best_score[lane].max(scores[lane]);
     }
 }
 

@@ -5,8 +5,11 @@ use super::dispatch;
 /// Columns that [`count_codes`] works on at once.
 pub const COUNT_BLOCK: usize = 32;
 
-/// Positions that [`interpolate_line`] works on at once.
-const LINE_BLOCK: usize = 64;
+/// Codes that [`mark_brighter`] works on at once.
+pub const CODE_BLOCK: usize = 64;
+
+/// Positions of a row that [`interpolate_grid`] works on at once.
+pub const GRID_BLOCK: usize = 16;
 
 /// Where one neighbor of each pixel of a row lies, between four pixels.
 #[derive(Clone, Copy)]
@@ -19,40 +22,61 @@ pub struct Taps<'a> {
     pub weights: [u16; 4],
 }
 
-impl Taps<'_> {
-    /// Those of the first `n` neighbors.
-    #[inline(always)]
-    fn first(self, n: usize) -> Self {
-        Self { above: &self.above[..=n], below: &self.below[..=n], ..self }
-    }
+/// What [`CODE_BLOCK`] neighbors lie between.
+struct BlockTaps<'a> {
+    above: &'a [u8; CODE_BLOCK + 1],
+    below: &'a [u8; CODE_BLOCK + 1],
+    weights: [u16; 4],
+}
 
-    /// The neighbor is neither between two columns nor beside any pixel's own.
+impl<'a> Taps<'a> {
+    /// The neighbors are not between two columns.
     #[inline(always)]
-    fn is_on_column(&self) -> bool {
+    fn are_on_columns(&self) -> bool {
         self.weights[1] == 0 && self.weights[3] == 0
     }
 
-    /// The gray value in 1/256.
     #[inline(always)]
-    fn value<const ON_COLUMN: bool>(&self, x: usize) -> u16 {
-        let sum = self.weights[0] * u16::from(self.above[x]) + self.weights[2] * u16::from(self.below[x]);
-        if ON_COLUMN {
-            return sum;
+    fn block(&self, block_idx: usize) -> Option<BlockTaps<'a>> {
+        let start = block_idx * CODE_BLOCK;
+        let (above, below) =
+            (self.above.get(start..)?.first_chunk()?, self.below.get(start..)?.first_chunk()?);
+        Some(BlockTaps { above, below, weights: self.weights })
+    }
+}
+
+impl BlockTaps<'_> {
+    /// The gray values in 1/256.
+    #[inline(always)]
+    fn values<const ON_COLUMNS: bool>(&self) -> [u16; CODE_BLOCK] {
+        let mut values = [0; CODE_BLOCK];
+        for (x, value) in values.iter_mut().enumerate() {
+            *value = self.weights[0] * u16::from(self.above[x]) + self.weights[2] * u16::from(self.below[x]);
         }
-        sum + self.weights[1] * u16::from(self.above[x + 1]) + self.weights[3] * u16::from(self.below[x + 1])
+        if !ON_COLUMNS {
+            for (x, value) in values.iter_mut().enumerate() {
+                *value += self.weights[1] * u16::from(self.above[x + 1])
+                    + self.weights[3] * u16::from(self.below[x + 1]);
+            }
+        }
+        values
     }
 }
 
 dispatch! {
     /// Sets `bit` in `codes[x]` where the neighbor at `a` is brighter than that at `b` by more than
     /// `threshold`, in 1/256 of a gray value.
+    ///
+    /// # Panics
+    ///
+    /// When there are fewer neighbors than codes.
     mark_brighter, mark_brighter_kernel,
-    (a: Taps<'_>, b: Taps<'_>, threshold: u16, bit: u8, codes: &mut [u8])
+    (a: Taps<'_>, b: Taps<'_>, threshold: u16, bit: u8, codes: &mut [[u8; CODE_BLOCK]])
 }
 
 #[inline(always)]
-fn mark_brighter_kernel(a: Taps<'_>, b: Taps<'_>, threshold: u16, bit: u8, codes: &mut [u8]) {
-    match (a.is_on_column(), b.is_on_column()) {
+fn mark_brighter_kernel(a: Taps<'_>, b: Taps<'_>, threshold: u16, bit: u8, codes: &mut [[u8; CODE_BLOCK]]) {
+    match (a.are_on_columns(), b.are_on_columns()) {
         (true, true) => mark_brighter_taps::<true, true>(a, b, threshold, bit, codes),
         (true, false) => mark_brighter_taps::<true, false>(a, b, threshold, bit, codes),
         (false, true) => mark_brighter_taps::<false, true>(a, b, threshold, bit, codes),
@@ -61,81 +85,119 @@ fn mark_brighter_kernel(a: Taps<'_>, b: Taps<'_>, threshold: u16, bit: u8, codes
 }
 
 #[inline(always)]
-fn mark_brighter_taps<const A_ON_COLUMN: bool, const B_ON_COLUMN: bool>(
+fn mark_brighter_taps<const A_ON_COLUMNS: bool, const B_ON_COLUMNS: bool>(
     a: Taps<'_>,
     b: Taps<'_>,
     threshold: u16,
     bit: u8,
-    codes: &mut [u8],
+    codes: &mut [[u8; CODE_BLOCK]],
 ) {
-    let n = codes.len();
-    let (a, b) = (a.first(n), b.first(n));
-    for (x, code) in codes.iter_mut().enumerate() {
-        let exceeds = a.value::<A_ON_COLUMN>(x) > b.value::<B_ON_COLUMN>(x).saturating_add(threshold);
-        *code |= if exceeds { bit } else { 0 };
+    for (block_idx, codes) in codes.iter_mut().enumerate() {
+        let (Some(a), Some(b)) = (a.block(block_idx), b.block(block_idx)) else {
+            panic!("fewer neighbors than codes");
+        };
+        let (a, b) = (a.values::<A_ON_COLUMNS>(), b.values::<B_ON_COLUMNS>());
+        for x in 0..CODE_BLOCK {
+            codes[x] |= if a[x] > b[x].saturating_add(threshold) { bit } else { 0 };
+        }
+    }
+}
+
+/// A grid of `side` x `side` positions in an image, (x, y) in 1/65536 of a pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct Grid {
+    /// The first position.
+    pub start: (i32, i32),
+    /// From one position of a row to the next.
+    pub right: (i32, i32),
+    /// From one row to the next.
+    pub down: (i32, i32),
+    /// Positions a row, and rows.
+    pub side: usize,
+}
+
+impl Grid {
+    /// The memory that [`interpolate_grid`] needs for what lies round the positions, in numbers.
+    pub fn n_quads(&self) -> usize {
+        self.side * self.stride()
+    }
+
+    /// Positions a row, rounded up to whole blocks.
+    #[inline(always)]
+    fn stride(&self) -> usize {
+        self.side.next_multiple_of(GRID_BLOCK)
+    }
+
+    #[inline(always)]
+    fn at(&self, row: usize, column: usize) -> (i32, i32) {
+        let (row, column) = (row as i32, column as i32);
+        (
+            self.start.0 + row * self.down.0 + column * self.right.0,
+            self.start.1 + row * self.down.1 + column * self.right.1,
+        )
     }
 }
 
 dispatch! {
-    /// Bilinear interpolation along a line of an image `width` pixels wide: `line[i]` is the value at the
-    /// position `start + i step`, (x, y) in 1/65536 of a pixel. Shares are 1/256 of a pixel.
+    /// Bilinear interpolation at the positions of a grid in an image `width` pixels wide; shares are 1/256
+    /// of a pixel. `values` gets row after row, and up to [`GRID_BLOCK`] numbers without meaning after the
+    /// last one; `quads` is memory for [`Grid::n_quads`] numbers.
     ///
     /// # Panics
     ///
     /// When a position is not between four pixels of the image.
-    interpolate_line, interpolate_line_kernel,
-    (pixels: &[u8], width: usize, start: (i32, i32), step: (i32, i32), line: &mut [u8])
+    interpolate_grid, interpolate_grid_kernel,
+    (pixels: &[u8], width: usize, grid: Grid, quads: &mut [u32], values: &mut [u8])
 }
 
 #[inline(always)]
-fn interpolate_line_kernel(
-    pixels: &[u8],
-    width: usize,
-    start: (i32, i32),
-    step: (i32, i32),
-    line: &mut [u8],
-) {
-    let at = |i: usize| (start.0 + i as i32 * step.0, start.1 + i as i32 * step.1);
-    for end in [at(0), at(line.len().max(1) - 1)] {
-        let (column, row) = (end.0 >> 16, end.1 >> 16);
-        // Between the ends, columns and rows are between theirs.
+fn interpolate_grid_kernel(pixels: &[u8], width: usize, grid: Grid, quads: &mut [u32], values: &mut [u8]) {
+    let (side, stride) = (grid.side, grid.stride());
+    if side == 0 {
+        return;
+    }
+    let last = side - 1;
+    for (x, y) in [grid.at(0, 0), grid.at(0, last), grid.at(last, 0), grid.at(last, last)] {
+        let (column, row) = (x >> 16, y >> 16);
+        // Between the corners, columns and rows are between theirs.
         assert!(column >= 0 && row >= 0 && (column as usize) + 1 < width);
         assert!((row as usize + 1) * width + column as usize + 1 < pixels.len());
     }
-    for (block_idx, line) in line.chunks_mut(LINE_BLOCK).enumerate() {
-        interpolate_block(pixels, width, at(block_idx * LINE_BLOCK), step, line);
-    }
-}
-
-/// [`interpolate_line`] for at most [`LINE_BLOCK`] positions, all known to be between four pixels. Where the
-/// pixels lie and what they amount to is computed for many positions at once, between the two they are read.
-#[inline(always)]
-fn interpolate_block(pixels: &[u8], width: usize, start: (i32, i32), step: (i32, i32), line: &mut [u8]) {
-    let n = line.len();
-    let at = |i: usize| (start.0 + i as i32 * step.0, start.1 + i as i32 * step.1);
-    let mut indices = [0; LINE_BLOCK];
-    for (i, idx) in indices.iter_mut().enumerate() {
-        let (x, y) = at(i);
-        *idx = (y >> 16) * width as i32 + (x >> 16);
+    // Where the pixels lie and what they amount to is computed for many positions at once; between the two
+    // they are read.
+    for (row, indices) in quads[..side * stride].chunks_exact_mut(stride).enumerate() {
+        for (block_idx, indices) in indices.as_chunks_mut::<GRID_BLOCK>().0.iter_mut().enumerate() {
+            for (lane, idx) in indices.iter_mut().enumerate() {
+                let (x, y) = grid.at(row, block_idx * GRID_BLOCK + lane);
+                *idx = ((y >> 16) * width as i32 + (x >> 16)) as u32;
+            }
+        }
     }
     let pair = |idx: usize| {
-        // SAFETY: `idx` and `idx + 1` are in `pixels`: the ends of the line are between four pixels, hence
-        // all of it.
-        unsafe { pixels.as_ptr().add(idx).cast::<[u8; 2]>().read() }
+        // SAFETY: `idx` and `idx + 1` are in `pixels`: the corners of the grid are between four pixels,
+        // hence all of it.
+        u16::from_le_bytes(unsafe { pixels.as_ptr().add(idx).cast::<[u8; 2]>().read() })
     };
-    let (mut tops, mut bottoms) = ([[0; 2]; LINE_BLOCK], [[0; 2]; LINE_BLOCK]);
-    for ((&idx, top), bottom) in indices[..n].iter().zip(&mut tops).zip(&mut bottoms) {
-        *top = pair(idx as usize);
-        *bottom = pair(idx as usize + width);
+    for quads in quads[..side * stride].chunks_exact_mut(stride) {
+        for quad in &mut quads[..side] {
+            let top = *quad as usize;
+            *quad = u32::from(pair(top)) | u32::from(pair(top + width)) << 16;
+        }
     }
-    for (i, value) in line.iter_mut().enumerate() {
-        let (x, y) = at(i);
-        let (right, below) = ((x >> 8) as u32 & 255, (y >> 8) as u32 & 255);
-        // The left and the right column are interpolated at once, in the halves of one number.
-        let columns = |[left, right]: [u8; 2]| u32::from(left) | u32::from(right) << 16;
-        let columns = columns(tops[i]) * (256 - below) + columns(bottoms[i]) * below;
-        let sum = (columns & 0xFFFF) * (256 - right) + (columns >> 16) * right;
-        *value = ((sum + 32_768) >> 16) as u8;
+    for (row, quads) in quads[..side * stride].chunks_exact(stride).enumerate() {
+        for (block_idx, quads) in quads.as_chunks::<GRID_BLOCK>().0.iter().enumerate() {
+            // What exceeds the row is overwritten by the next one.
+            let values = &mut values[row * side + block_idx * GRID_BLOCK..][..GRID_BLOCK];
+            for lane in 0..GRID_BLOCK {
+                let (x, y) = grid.at(row, block_idx * GRID_BLOCK + lane);
+                let (right, below) = ((x >> 8) as u32 & 255, (y >> 8) as u32 & 255);
+                let quad = quads[lane];
+                // The upper and the lower row are interpolated at once, in the halves of one number.
+                let rows = (quad & 0x00FF_00FF) * (256 - right) + (quad >> 8 & 0x00FF_00FF) * right;
+                let sum = (rows & 0xFFFF) * (256 - below) + (rows >> 16) * below;
+                values[lane] = ((sum + 32_768) >> 16) as u8;
+            }
+        }
     }
 }
 
@@ -202,17 +264,17 @@ mod tests {
     proptest! {
         #[test]
         fn comparing_neighbors_equals_its_definition(
-            pixels in prop::collection::vec(any::<u8>(), 4 * 60), length in 1usize..59,
+            pixels in prop::collection::vec(any::<u8>(), 4 * 200), n_blocks in 0usize..=3,
             right in prop::array::uniform2(prop::sample::select(vec![0u16, 0, 3, 16])),
             bottom in prop::array::uniform2(0u16..=16), threshold in 0u16..2000,
         ) {
-            let a = taps(&pixels[..120], right[0], bottom[0]);
-            let b = taps(&pixels[120..], right[1], bottom[1]);
-            let (mut codes, mut plain) = (vec![1; length], vec![1; length]);
+            let a = taps(&pixels[..400], right[0], bottom[0]);
+            let b = taps(&pixels[400..], right[1], bottom[1]);
+            let (mut codes, mut plain) = (vec![[1; CODE_BLOCK]; n_blocks], vec![[1; CODE_BLOCK]; n_blocks]);
             mark_brighter(a, b, threshold, 4, &mut codes);
             mark_brighter_kernel(a, b, threshold, 4, &mut plain);
             prop_assert_eq!(&codes, &plain);
-            for (x, &code) in codes.iter().enumerate() {
+            for (x, &code) in codes.as_flattened().iter().enumerate() {
                 // What is beyond the range of 16 bits is never exceeded.
                 let exceeds = value(&a, x) > value(&b, x) + u32::from(threshold);
                 prop_assert_eq!(code, 1 | if exceeds { 4 } else { 0 });
@@ -220,21 +282,26 @@ mod tests {
         }
 
         #[test]
-        fn a_line_is_interpolated_as_in_a_textbook(
-            pixels in prop::collection::vec(any::<u8>(), 40 * 40), length in 1usize..28,
-            start in (0i32..10 << 16, 0i32..10 << 16), step in (0i32..=65_536, 0i32..=65_536),
+        fn a_grid_is_interpolated_as_in_a_textbook(
+            pixels in prop::collection::vec(any::<u8>(), 60 * 60), side in 1usize..20,
+            start in (20i32 << 16..22 << 16, 20i32 << 16..22 << 16),
+            right in (0i32..=65_536, -65_536i32..=65_536), down in (-65_536i32..=65_536, 0i32..=65_536),
         ) {
-            let (mut line, mut plain) = (vec![0; length], vec![0; length]);
-            interpolate_line(&pixels, 40, start, step, &mut line);
-            interpolate_line_kernel(&pixels, 40, start, step, &mut plain);
-            prop_assert_eq!(&line, &plain);
-            for (i, &found) in line.iter().enumerate() {
-                let (x, y) = (start.0 + i as i32 * step.0, start.1 + i as i32 * step.1);
-                let pixel = |dx: i32, dy: i32| i64::from(pixels[((y >> 16) + dy) as usize * 40 + ((x >> 16) + dx) as usize]);
+            let grid = Grid { start, right, down, side };
+            let mut quads = vec![0; grid.n_quads()];
+            let (mut values, mut plain) = (vec![0; side * side + GRID_BLOCK], vec![0; side * side + GRID_BLOCK]);
+            interpolate_grid(&pixels, 60, grid, &mut quads, &mut values);
+            interpolate_grid_kernel(&pixels, 60, grid, &mut quads, &mut plain);
+            for (idx, (&value, &plain)) in values.iter().zip(&plain).enumerate().take(side * side) {
+                prop_assert_eq!(value, plain);
+                let (x, y) = grid.at(idx / side, idx % side);
+                let pixel = |dx: i32, dy: i32| {
+                    i64::from(pixels[((y >> 16) + dy) as usize * 60 + ((x >> 16) + dx) as usize])
+                };
                 let (right, below) = (i64::from(x >> 8 & 255), i64::from(y >> 8 & 255));
                 let row = |dy: i32| pixel(0, dy) * (256 - right) + pixel(1, dy) * right;
                 let sum = row(0) * (256 - below) + row(1) * below;
-                prop_assert_eq!(i64::from(found), (sum + 32_768) >> 16);
+                prop_assert_eq!(i64::from(value), (sum + 32_768) >> 16);
             }
         }
 
@@ -266,7 +333,8 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "assertion failed")]
-    fn a_line_that_leaves_the_image_is_refused() {
-        interpolate_line(&[0; 100], 10, (8 << 16, 0), (65_536, 0), &mut [0; 2]);
+    fn a_grid_that_leaves_the_image_is_refused() {
+        let grid = Grid { start: (8 << 16, 0), right: (65_536, 0), down: (0, 65_536), side: 2 };
+        interpolate_grid(&[0; 100], 10, grid, &mut [0; 32], &mut [0; 20]);
     }
 }
