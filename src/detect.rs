@@ -15,8 +15,20 @@ pub struct Keypoint {
     pub x: f32,
     /// Row, in pixels of the image it was detected in.
     pub y: f32,
-    /// How much it stands out; the scale differs between detectors.
+    /// How much it stands out; detectors measure it differently.
     pub response: f32,
+    /// The sigma of the Gaussian at which it stands out, in pixels; 1 where the detector looks at pixels.
+    pub scale: f32,
+    /// Which way its surroundings point, in radians from the x axis toward the y axis, from 0 to 2 pi;
+    /// `None` where the detector does not say.
+    pub angle: Option<f32>,
+}
+
+impl Keypoint {
+    /// One of a detector that knows neither scale nor direction.
+    pub fn new(x: f32, y: f32, response: f32) -> Self {
+        Self { x, y, response, scale: 1.0, angle: None }
+    }
 }
 
 /// A keypoint detector with its parameters.

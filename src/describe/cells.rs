@@ -114,7 +114,7 @@ mod tests {
             let view = Camera::new(Projection::Perspective).view(200, 200);
             let mut window = Window::new(&region, 3);
             // In the corner, some of the window is outside.
-            window.take(&image, &Keypoint { x: center, y: center + 5.0, response: 0.0 }, &view);
+            window.take(&image, &Keypoint::new(center, center + 5.0, 0.0), &view);
             let mut codes = window.new_codes();
             let codes = codes.as_flattened_mut();
             codes.iter_mut().zip(&random).for_each(|(code, random)| *code = random % n_bins as u8);

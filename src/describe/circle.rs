@@ -95,7 +95,7 @@ mod tests {
         for (n_neighbors, radius) in [(6, 2.0f32), (8, 1.0), (8, 2.5)] {
             let circle = NeighborCircle::new(n_neighbors, radius);
             let mut window = Window::new(&region, margin(radius));
-            window.take(&image, &Keypoint { x: 40.0, y: 30.0, response: 0.0 }, &view);
+            window.take(&image, &Keypoint::new(40.0, 30.0, 0.0), &view);
             for neighbor_idx in 0..n_neighbors {
                 let taps = circle.neighbors(neighbor_idx, &window);
                 let angle = std::f32::consts::TAU * neighbor_idx as f32 / n_neighbors as f32;

@@ -120,7 +120,7 @@ mod tests {
             CsLbp { n_neighbors: 8, radius: 1.5, n_cells: 4, ..CsLbp::default() },
             CsLbp { threshold: 0.1, region: Region { side: 25, ..Region::default() }, ..CsLbp::default() },
         ] {
-            let keypoint = Keypoint { x: 45.0, y: 38.0, response: 0.0 };
+            let keypoint = Keypoint::new(45.0, 38.0, 0.0);
             let described = config.describe(&image, &[keypoint], &whole(&image));
             assert_eq!(described.row(0).len(), config.n_dimensions());
             for (value, expected) in described.row(0).iter().zip(naive(&config, &image, &keypoint)) {

@@ -100,7 +100,7 @@ mod tests {
     #[test]
     fn flat_regions_have_all_neighbors_as_bright_as_the_center() {
         let image = Image::from_pixels(80, 80, vec![99; 6400]).unwrap();
-        let keypoint = Keypoint { x: 40.0, y: 40.0, response: 0.0 };
+        let keypoint = Keypoint::new(40.0, 40.0, 0.0);
         let described = Lbp::default().describe(&image, &[keypoint], &whole(&image));
         for (idx, &value) in described.row(0).iter().enumerate() {
             assert_eq!(value, if idx % 59 == 57 { 0.5 } else { 0.0 });
@@ -126,7 +126,7 @@ mod tests {
             expected[(2 * (2 * y / side) + 2 * x / side) * 59 + usize::from(bins[code])] += 1.0;
         }
         let length = expected.iter().map(|count| count * count).sum::<f32>().sqrt();
-        let keypoint = Keypoint { x: 45.0, y: 38.0, response: 0.0 };
+        let keypoint = Keypoint::new(45.0, 38.0, 0.0);
         let described = config.describe(&image, &[keypoint], &whole(&image));
         assert_eq!(described.row(0).len(), 236);
         for (value, expected) in described.row(0).iter().zip(&expected) {

@@ -219,7 +219,7 @@ mod tests {
     }
 
     fn keypoint(x: f32, y: f32) -> Keypoint {
-        Keypoint { x, y, response: 1.0 }
+        Keypoint::new(x, y, 1.0)
     }
 
     #[test]

@@ -146,7 +146,7 @@ fn scored_corners(image: &Image, threshold: u8) -> Vec<Keypoint> {
                     && middle[x - 1] < strength
                     && middle[x + 1] < strength;
             if is_largest {
-                found.push(Keypoint { x: x as f32, y: (y - 1) as f32, response: f32::from(strength - 1) });
+                found.push(Keypoint::new(x as f32, (y - 1) as f32, f32::from(strength - 1)));
             }
         });
     }

@@ -107,8 +107,8 @@ impl Key {
     /// Makes a key of 32 random bytes: what the caller keeps, and what the service keeps.
     pub fn new(role: Role, name: &str, random: &[u8; 32]) -> Result<(String, Self), KeyError> {
         let secret = format!("{KEY_PREFIX}{}", BASE64_URL_SAFE_NO_PAD.encode(random));
-        let line = format!("{role}:{name}:{}", blake3::hash(secret.as_bytes()));
-        Ok((secret, Self::try_from(line)?))
+        let hash = blake3::hash(secret.as_bytes());
+        Ok((secret, Self { role, name: checked_name(name)?, hash }))
     }
 
     /// The line of the configuration, hash and all.
@@ -127,13 +127,18 @@ impl TryFrom<String> for Key {
         else {
             return Err(KeyError::Shape);
         };
-        let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-        if name.is_empty() || name.len() > MAX_NAME_BYTES || !name.chars().all(is_plain) {
-            return Err(KeyError::Name(name.to_owned()));
-        }
-        let hash = blake3::Hash::from_hex(hash).map_err(|_| KeyError::Hash(name.to_owned()))?;
-        Ok(Self { role: role.parse()?, name: name.to_owned(), hash })
+        let name = checked_name(name)?;
+        let hash = blake3::Hash::from_hex(hash).map_err(|_| KeyError::Hash(name.clone()))?;
+        Ok(Self { role: role.parse()?, name, hash })
     }
+}
+
+fn checked_name(name: &str) -> Result<String, KeyError> {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    if name.is_empty() || name.len() > MAX_NAME_BYTES || !name.chars().all(is_plain) {
+        return Err(KeyError::Name(name.to_owned()));
+    }
+    Ok(name.to_owned())
 }
 
 impl fmt::Debug for Key {
@@ -286,5 +291,6 @@ mod tests {
         ] {
             assert_eq!(Key::try_from(line).unwrap_err(), error);
         }
+        assert_eq!(Key::new(Role::Robot, "a:b", &[0; 32]).unwrap_err(), KeyError::Name("a:b".into()));
     }
 }
