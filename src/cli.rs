@@ -5,6 +5,7 @@
 mod data;
 mod demo;
 mod evaluate;
+mod experiment;
 mod health;
 mod inspect;
 mod key;
@@ -37,6 +38,7 @@ enum Command {
     Train(train::TrainArgs),
     Evaluate(evaluate::EvaluateArgs),
     Validate(validate::ValidateArgs),
+    Experiment(experiment::ExperimentArgs),
     Recognize(recognize::RecognizeArgs),
     Inspect(inspect::InspectArgs),
     Serve(serve::ServeArgs),
@@ -64,6 +66,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Train(args) => train::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Validate(args) => validate::run(&args),
+        Command::Experiment(args) => experiment::run(&args),
         Command::Recognize(args) => recognize::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Serve(args) => serve::run(&args),

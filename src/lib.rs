@@ -14,8 +14,9 @@
 //! | 6 | [`model`] | the whole pipeline: train, recognize, the file |
 //! | 7 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
 //! | 8 | [`validate`] | rates of a configuration over splits and seeds |
-//! | 9 | [`server`] | the HTTP service |
-//! | 10 | [`cli`] | the commands |
+//! | 9 | [`experiment`] | the experiments of the papers |
+//! | 10 | [`server`] | the HTTP service |
+//! | 11 | [`cli`] | the commands |
 //!
 //! Groups 1 to 6 are the recognition core. They know no async, no HTTP, no clock and no hidden
 //! randomness: seeds are arguments.
@@ -41,6 +42,8 @@ pub mod evaluate;
 pub mod simulate;
 
 pub mod validate;
+
+pub mod experiment;
 
 pub mod server;
 

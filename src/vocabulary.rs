@@ -71,7 +71,7 @@ pub enum VocabularyError {
     /// Fewer distinct descriptors than words.
     #[error(
         "{found} distinct descriptors are too few for a vocabulary of {wanted} words: \
-         take more frames, a lower detection threshold, or fewer words"
+         take more frames, a lower detection threshold, or fewer words (representation.n_words)"
     )]
     TooFewDescriptors {
         /// Distinct descriptors at hand.

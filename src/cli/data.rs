@@ -167,7 +167,7 @@ pub(super) fn is_simulated(data: &Path) -> bool {
     data.ancestors().any(|folder| folder.join(crate::simulate::MARKER_FILE).is_file())
 }
 
-fn report(problems: &[Problem]) {
+pub(super) fn report(problems: &[Problem]) {
     for problem in problems.iter().take(N_LISTED_PROBLEMS) {
         eprintln!("left out: {problem}");
     }

@@ -1,0 +1,202 @@
+//! `roomsight experiment`: the tables and figures of the papers.
+
+use super::data::{self, CameraName, ConfigArgs};
+use super::output::{self, say};
+use crate::camera::CameraKind;
+use crate::dataset;
+use crate::experiment::report::{self, Entry, Report};
+use crate::experiment::{self, Cache, Drives, Experiment};
+use crate::model::Config;
+use anyhow::{Context, bail};
+use clap::{Args, ValueEnum};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Repeat the experiments of the papers on sequences of COLD, or of the simulated lab
+///
+/// Writes report.html and report.json. Answers are kept in a folder beside them: an interrupted run goes on
+/// where it stopped, and a second one takes seconds.
+#[derive(Args)]
+pub(super) struct ExperimentArgs {
+    /// Which one
+    #[arg(value_enum)]
+    name: ExperimentName,
+    /// Sequences of the COLD database, or of the simulated lab
+    #[arg(long, value_name = "DIR")]
+    data: PathBuf,
+    /// Folder for the report
+    #[arg(long, value_name = "OUT")]
+    report: PathBuf,
+    /// Over how many seeds
+    #[arg(long, default_value_t = 10, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// Take every Nth frame of each sequence
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = data::at_least(1))]
+    stride: usize,
+    /// Two seeds, every fifth frame, few rounds of k-means: to see that it works, not to learn from
+    #[arg(long)]
+    quick: bool,
+    /// Whose frames [default: omnidirectional for the experiments of Lu, perspective for those of Ullah]
+    #[arg(long, value_enum)]
+    camera: Option<CameraName>,
+    #[command(flatten)]
+    config: ConfigArgs,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum ExperimentName {
+    /// All of them; those that the data does not allow are left out, and named
+    All,
+    /// Local features (Lu, table 1)
+    Features,
+    /// Keypoints a frame in different light (Lu, figure 5)
+    Keypoints,
+    /// The number of words (Lu, figure 7)
+    Words,
+    /// The light that is trained in (Lu, table 4)
+    Illumination,
+    /// Confusion matrices, and errors on the map (Lu, tables 5 to 7)
+    Best,
+    /// Parts of the frames hidden (Lu, figure 13)
+    Occlusion,
+    /// Every pair of drives of a lab (Ullah, figure 4)
+    Dynamic,
+    /// The same parameters in every lab (Ullah, section V)
+    Geographic,
+    /// Rooms of a lab that was never seen (Ullah, figure 6)
+    Categorical,
+}
+
+/// Measures, prints the tables, writes the report.
+pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
+    let mut config = args.config.read()?;
+    let (mut n_seeds, mut stride) = (args.seeds, args.stride);
+    if args.quick {
+        (n_seeds, stride) = (n_seeds.min(2), stride.max(5));
+        config = quick(config);
+    }
+    let dataset = dataset::open(&args.data)?;
+    data::report(&dataset.problems);
+    let cache = Cache::open(&args.report.join("answers"))?;
+    let simulated = data::is_simulated(&args.data);
+    let mut entries = Vec::new();
+    let mut all_drives = None;
+    for (camera, experiments) in by_camera(args) {
+        let dataset = match dataset.clone().with_camera(camera) {
+            Ok(dataset) => dataset,
+            Err(error) if args.name == ExperimentName::All => {
+                say!("left out: {}: {error}", names(&experiments))?;
+                continue;
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let drives = Drives::new(&dataset, stride)?;
+        // All are planned before the first starts: what is missing shows at once.
+        let mut plans = Vec::new();
+        for experiment in experiments {
+            match experiment.plan(&drives, &config) {
+                Ok(plan) => plans.push(plan),
+                Err(error) if args.name == ExperimentName::All => say!("left out: {error}")?,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        for plan in plans {
+            let bar = output::progress(&plan.title, plan.cells.len() * n_seeds as usize);
+            let measured = experiment::run(&plan, &drives, n_seeds, &cache, |step| {
+                bar.set_position(step.n_done as u64);
+                bar.set_message(step.cell);
+            })?;
+            bar.finish_and_clear();
+            print(&plan, &measured, simulated)?;
+            entries.push(Entry { plan, measured });
+        }
+        all_drives = Some(all_drives.unwrap_or(drives));
+    }
+    let Some(drives) = all_drives.filter(|_| !entries.is_empty()) else {
+        bail!("nothing was measured: {} has no sequences for these experiments", args.data.display());
+    };
+    let names = drives.iter().map(|drive| drive.sequence.clone()).collect();
+    let report = Report { simulated, n_seeds, stride, drives: names, entries: &entries };
+    write(&args.report.join("report.json"), &report.to_json()?)?;
+    write(&args.report.join("report.html"), &report.to_html(&drives))?;
+    say!("\n{} is ready; report.json beside it.", args.report.join("report.html").display())?;
+    Ok(())
+}
+
+fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    fs::write(path, text).with_context(|| path.display().to_string())
+}
+
+/// The experiments asked for, by the camera whose frames they take.
+fn by_camera(args: &ExperimentArgs) -> Vec<(CameraKind, Vec<Experiment>)> {
+    let wanted: Vec<Experiment> =
+        Experiment::ALL.into_iter().filter(|&experiment| args.name.includes(experiment)).collect();
+    if let Some(camera) = args.camera {
+        return vec![(camera.into(), wanted)];
+    }
+    let of =
+        |camera| wanted.iter().copied().filter(|&experiment| paper_camera(experiment) == camera).collect();
+    [CameraKind::Omnidirectional, CameraKind::Perspective]
+        .map(|camera| (camera, of(camera)))
+        .into_iter()
+        .filter(|(_, experiments): &(CameraKind, Vec<Experiment>)| !experiments.is_empty())
+        .collect()
+}
+
+fn paper_camera(experiment: Experiment) -> CameraKind {
+    match experiment {
+        Experiment::Dynamic | Experiment::Geographic | Experiment::Categorical => CameraKind::Perspective,
+        _ => CameraKind::Omnidirectional,
+    }
+}
+
+impl ExperimentName {
+    fn includes(self, experiment: Experiment) -> bool {
+        match self {
+            Self::All => true,
+            Self::Features => experiment == Experiment::Features,
+            Self::Keypoints => experiment == Experiment::Keypoints,
+            Self::Words => experiment == Experiment::Words,
+            Self::Illumination => experiment == Experiment::Illumination,
+            Self::Best => experiment == Experiment::Best,
+            Self::Occlusion => experiment == Experiment::Occlusion,
+            Self::Dynamic => experiment == Experiment::Dynamic,
+            Self::Geographic => experiment == Experiment::Geographic,
+            Self::Categorical => experiment == Experiment::Categorical,
+        }
+    }
+}
+
+fn names(experiments: &[Experiment]) -> String {
+    experiments
+        .iter()
+        .map(|experiment| format!("{experiment:?}").to_lowercase())
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+fn quick(mut config: Config) -> Config {
+    let crate::model::Representation::Bag(bag) = &mut config.representation;
+    bag.max_descriptors = bag.max_descriptors.min(20_000);
+    bag.max_rounds = bag.max_rounds.min(5);
+    config.calibration.n_folds = 2;
+    config
+}
+
+fn print(plan: &experiment::Plan, measured: &[experiment::Measured], simulated: bool) -> anyhow::Result<()> {
+    let kind = if simulated { ", simulated frames" } else { "" };
+    say!("\n{} ({}{kind})", plan.title, plan.source)?;
+    let mut table = output::table(["", "answered", "mean \u{b1} std (best)", "printed", "keypoints"]);
+    for (cell, measured) in plan.cells.iter().zip(measured) {
+        let printed = cell.printed.filter(|_| !simulated);
+        table.add_row([
+            cell.row.clone(),
+            cell.column.clone(),
+            report::summary(measured.rate.as_ref()),
+            printed.map_or("-".to_owned(), |rate| format!("{rate:.4}")),
+            format!("{:.0}", measured.n_keypoints.1),
+        ]);
+    }
+    say!("{table}")?;
+    Ok(())
+}

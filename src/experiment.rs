@@ -1,0 +1,112 @@
+//! The experiments of the two papers, on sequences laid out as the COLD database.
+//!
+//! - **Lu**: Lu, Li, Zhang, Hu, Zheng, "Robust place recognition based on omnidirectional vision and real-time
+//!   local visual features for mobile robots".
+//! - **Ullah**: Ullah, Pronobis, Caputo, Luo, Jensfelt, Christensen, "Towards robust place recognition for
+//!   robot localization", ICRA 2008.
+//!
+//! An [`Experiment`] makes a [`Plan`]: cells of a table, each trained on some drives and measured on others.
+//! [`run()`] fills the cells over several seeds; [`report`] writes them.
+
+mod cache;
+mod drives;
+mod plan;
+pub mod report;
+mod run;
+#[cfg(test)]
+mod tests;
+
+pub use cache::Cache;
+pub use drives::{Drive, Drives};
+pub use plan::{Cell, Chart, Occlusion, Plan, Split};
+pub use run::{FrameAnswer, Measured, Step, run};
+
+use crate::model::TrainError;
+use serde::Serialize;
+use std::io;
+use std::path::PathBuf;
+
+/// An experiment of one of the papers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Experiment {
+    /// Local features: Lu, table 1.
+    Features,
+    /// Keypoints a frame in different light: Lu, figure 5.
+    Keypoints,
+    /// The number of words: Lu, figure 7.
+    Words,
+    /// The light that is trained in: Lu, table 4.
+    Illumination,
+    /// The best model, its confusion matrices and its errors on the map: Lu, tables 5 to 7.
+    Best,
+    /// Parts of the frames hidden: Lu, figure 13.
+    Occlusion,
+    /// Every pair of drives of a lab, by light and path: Ullah, figure 4.
+    Dynamic,
+    /// The same parameters in every lab: Ullah, section V.
+    Geographic,
+    /// Trained on two labs, answered in the third: Ullah, figure 6.
+    Categorical,
+}
+
+impl Experiment {
+    /// All, in the order of the papers.
+    pub const ALL: [Self; 9] = [
+        Self::Features,
+        Self::Keypoints,
+        Self::Words,
+        Self::Illumination,
+        Self::Best,
+        Self::Occlusion,
+        Self::Dynamic,
+        Self::Geographic,
+        Self::Categorical,
+    ];
+}
+
+/// Why an experiment was not run.
+#[derive(Debug, thiserror::Error)]
+pub enum ExperimentError {
+    /// No drive has a name of COLD.
+    #[error(
+        "no sequence is named as those of COLD are (seq3_cloudy1): experiments need to know lab, path and \
+         light; use `validate` for other data"
+    )]
+    NoDrives,
+    /// Drives that an experiment cannot do without.
+    #[error("{experiment} needs {needed}, and there are only: {present}")]
+    MissingDrives {
+        /// The experiment.
+        experiment: String,
+        /// What it needs.
+        needed: String,
+        /// What there is.
+        present: String,
+    },
+    /// A drive through one room.
+    #[error("sequence {0} shows one room only: nothing can be told apart")]
+    OneRoom(String),
+    /// The frames show no mirror.
+    #[error("no mirror was found in the frames of {0}: take frames of one size, from a robot that moves")]
+    NoMirror(String),
+    /// Nothing of a drive could be read.
+    #[error("none of the frames of {0} can be read")]
+    Unreadable(String),
+    /// Training failed.
+    #[error("{cell}: {source}")]
+    Train {
+        /// Which cell of the experiment.
+        cell: String,
+        /// Why.
+        source: TrainError,
+    },
+    /// The disk said no.
+    #[error("cannot write {path}: {source}", path = path.display())]
+    Write {
+        /// What was written.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+}

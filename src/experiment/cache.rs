@@ -1,0 +1,41 @@
+//! Answers that were computed once, kept in a folder.
+
+use super::{ExperimentError, FrameAnswer};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// A folder of answers, one file a model, seed and drive, named by the digest of all that the answers depend
+/// on: an interrupted run goes on where it stopped, and a second one only reads.
+pub struct Cache {
+    folder: PathBuf,
+}
+
+impl Cache {
+    /// Uses, or makes, the folder.
+    pub fn open(folder: &Path) -> Result<Self, ExperimentError> {
+        fs::create_dir_all(folder)
+            .map_err(|source| ExperimentError::Write { path: folder.to_owned(), source })?;
+        Ok(Self { folder: folder.to_owned() })
+    }
+
+    /// The answers of this key. A damaged file counts as none.
+    pub fn get(&self, key: &str) -> Option<Vec<FrameAnswer>> {
+        serde_json::from_slice(&fs::read(self.path(key)).ok()?).ok()
+    }
+
+    /// Keeps answers; a file is there as a whole or not at all.
+    pub fn put(&self, key: &str, answers: &[FrameAnswer]) -> Result<(), ExperimentError> {
+        let path = self.path(key);
+        let write = || {
+            let temporary = tempfile::NamedTempFile::new_in(&self.folder)?;
+            serde_json::to_writer(&temporary, answers)?;
+            temporary.persist(&path).map_err(|error| error.error)?;
+            Ok(())
+        };
+        write().map_err(|source| ExperimentError::Write { path: path.clone(), source })
+    }
+
+    fn path(&self, key: &str) -> PathBuf {
+        self.folder.join(format!("{key}.json"))
+    }
+}

@@ -1,0 +1,206 @@
+//! Measured plans as one HTML file that needs no network, and as JSON.
+
+mod chart;
+
+use super::run::axes;
+use super::{Cell, Chart, Drives, Experiment, Measured, Plan};
+use crate::evaluate::{Evaluation, Summary};
+use serde::Serialize;
+use std::fmt::Write;
+
+/// A plan and the figures of its cells, in their order.
+#[derive(Serialize)]
+pub struct Entry {
+    /// What was done.
+    pub plan: Plan,
+    /// What came out.
+    pub measured: Vec<Measured>,
+}
+
+/// What a report is about.
+#[derive(Serialize)]
+pub struct Report<'a> {
+    /// Whether the frames are simulated: then no figure of a paper stands beside its own.
+    pub simulated: bool,
+    /// Every figure is over this many seeds.
+    pub n_seeds: u64,
+    /// Every which frame of a drive was taken.
+    pub stride: usize,
+    /// The drives.
+    pub drives: Vec<String>,
+    /// The experiments.
+    pub entries: &'a [Entry],
+}
+
+impl Report<'_> {
+    /// The figures for machines.
+    pub fn to_json(&self) -> serde_json::Result<String> {
+        serde_json::to_string_pretty(self)
+    }
+
+    /// The report for people. `drives` are those of the experiments.
+    pub fn to_html(&self, drives: &Drives) -> String {
+        let kind = if self.simulated { "simulated frames" } else { "COLD" };
+        let mut body = format!(
+            "<h1>Experiments on {kind}</h1>\n<p>Shares of frames answered with the right room: mean \u{b1} standard \
+             deviation over {} seeds, the best in parentheses. {} of {} drives.{}</p>\n",
+            self.n_seeds,
+            if self.stride == 1 { "All frames".to_owned() } else { format!("One frame in {}", self.stride) },
+            self.drives.len(),
+            if self.simulated {
+                " The frames are simulated: the figures of the papers, which are of the COLD database, cannot be \
+                 compared with them and are left out."
+            } else {
+                " Below each figure: what the paper prints."
+            },
+        );
+        self.entries.iter().for_each(|entry| body += &self.section(entry, drives));
+        format!(
+            "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+             <meta name=\"viewport\" content=\"width=device-width\">\
+             <title>roomsight: experiments on {kind}</title><style>{STYLE}</style></head>\n<body>\n{body}</body></html>\n"
+        )
+    }
+
+    fn section(&self, entry: &Entry, drives: &Drives) -> String {
+        let Entry { plan, measured } = entry;
+        let mut html = format!(
+            "<section><h2>{}</h2>\n<p class=\"source\">{}</p>\n",
+            escape(&plan.title),
+            escape(plan.source)
+        );
+        html += &match (plan.experiment, plan.chart) {
+            (Experiment::Keypoints, _) => keypoint_table(plan, measured),
+            (_, Chart::Bars) => self.rate_table(plan, measured) + &chart::bars(plan, measured),
+            (_, Chart::Lines) => self.rate_table(plan, measured) + &chart::lines(plan, measured),
+        };
+        if plan.experiment == Experiment::Best {
+            for (cell, measured) in plan.cells.iter().zip(measured) {
+                html += &confusion(cell, measured);
+                html += &chart::map(drives, measured);
+            }
+        }
+        if plan.experiment == Experiment::Categorical {
+            plan.cells
+                .iter()
+                .zip(measured)
+                .for_each(|(cell, measured)| html += &by_place(cell, &measured.best));
+        }
+        if !plan.differences.is_empty() {
+            html += "<p class=\"source\">Otherwise than in the paper: ";
+            html += &plan.differences.iter().map(|text| escape(text)).collect::<Vec<_>>().join("; ");
+            html += ".</p>\n";
+        }
+        html + "</section>\n"
+    }
+
+    fn rate_table(&self, plan: &Plan, measured: &[Measured]) -> String {
+        table(plan, measured, |cell, measured| {
+            let printed = cell.printed.filter(|_| !self.simulated);
+            let printed = printed.map_or(String::new(), |rate| format!("<br><i>{}</i>", digits(rate)));
+            summary(measured.rate.as_ref()) + &printed
+        })
+    }
+}
+
+/// `.9876 ± .0012 (.9899)`.
+pub fn summary(summary: Option<&Summary>) -> String {
+    let Some(summary) = summary else { return "-".to_owned() };
+    let std = summary.std.map_or(String::new(), |std| format!(" \u{b1} {}", digits(std)));
+    format!("{}{std} ({})", digits(summary.mean), digits(summary.best))
+}
+
+/// Four digits, the point first.
+fn digits(rate: f64) -> String {
+    let text = format!("{rate:.4}");
+    text.strip_prefix('0').map_or(text.clone(), str::to_owned)
+}
+
+fn keypoint_table(plan: &Plan, measured: &[Measured]) -> String {
+    table(plan, measured, |_, measured| {
+        let (least, mean, most) = measured.n_keypoints;
+        format!("{mean:.0} ({least} to {most})")
+    })
+}
+
+fn table(plan: &Plan, measured: &[Measured], content: impl Fn(&Cell, &Measured) -> String) -> String {
+    let (rows, columns) = axes(plan);
+    let mut html = "<div class=\"wide\"><table><tr><th></th>".to_owned();
+    columns.iter().for_each(|column| html += &format!("<th>{}</th>", escape(column)));
+    html += "</tr>\n";
+    for row in rows {
+        html += &format!("<tr><th>{}</th>", escape(row));
+        for column in &columns {
+            let found =
+                plan.cells.iter().zip(measured).find(|(cell, _)| cell.row == row && cell.column == **column);
+            html += &format!(
+                "<td>{}</td>",
+                found.map_or(String::new(), |(cell, measured)| content(cell, measured))
+            );
+        }
+        html += "</tr>\n";
+    }
+    html + "</table></div>\n"
+}
+
+fn confusion(cell: &Cell, measured: &Measured) -> String {
+    let best = &measured.best;
+    let mut html = format!(
+        "<h3>{}, best seed ({})</h3>\n<p class=\"source\">Near room borders {} of {} frames are right, elsewhere {} of \
+         {}.</p>\n<div class=\"wide\"><table><tr><th>shown \\ answered</th>",
+        escape(&cell.name()),
+        measured.best_seed,
+        best.only_border.n_correct,
+        best.only_border.n_frames,
+        best.without_border.n_correct,
+        best.without_border.n_frames,
+    );
+    best.places.iter().for_each(|place| html += &format!("<th>{}</th>", escape(place)));
+    html += "</tr>\n";
+    for (place, counts) in best.places.iter().zip(&best.confusion) {
+        html += &format!("<tr><th>{}</th>", escape(place));
+        counts.iter().for_each(|count| html += &format!("<td>{count}</td>"));
+        html += "</tr>\n";
+    }
+    html + "</table></div>\n"
+}
+
+fn by_place(cell: &Cell, evaluation: &Evaluation) -> String {
+    let mut html = format!("<p>{}: ", escape(&cell.name()));
+    let rates = evaluation
+        .places
+        .iter()
+        .zip(&evaluation.by_place)
+        .filter_map(|(place, rate)| Some(format!("{} {}", escape(place), digits(rate.rate?))));
+    // Writing to a string cannot fail.
+    let _ = write!(html, "{}", rates.collect::<Vec<_>>().join(", "));
+    html + " (best seed)</p>\n"
+}
+
+/// Text for HTML: names come from folders and manifests.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+const STYLE: &str = "
+:root { color-scheme: light dark; --ink: #1a1a1a; --soft: #666; --line: #ddd; --paper: #fff; --error: #d0342c;
+  --c0: #3366cc; --c1: #e08b1d; --c2: #2f9e5b; --c3: #9350b0; --c4: #5b8a9a; --c5: #b0556a; --c6: #7a7a2e; --c7: #888; }
+@media (prefers-color-scheme: dark) { :root { --ink: #e8e8e8; --soft: #a0a0a0; --line: #3a3a3a; --paper: #161616;
+  --error: #ff6b60; --c0: #7aa2f7; --c1: #f0ad4e; --c2: #63c98b; --c3: #c792ea; --c4: #89c4d6; --c5: #e58ba0;
+  --c6: #c5c56a; --c7: #aaa; } }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); max-width: 60rem;
+  margin: 2rem auto; padding: 0 1rem; }
+section { border-top: 1px solid var(--line); margin-top: 2rem; }
+.source { color: var(--soft); }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
+th { text-align: left; font-weight: 600; } th, td { padding: .25rem .75rem .25rem 0; border-bottom: 1px solid var(--line); }
+td { white-space: nowrap; } i { color: var(--soft); }
+svg { display: block; max-width: 100%; height: auto; margin: 1rem 0; } svg text { fill: var(--ink); font-size: 11px; }
+svg .grid { stroke: var(--line); } svg .error { fill: none; stroke: var(--error); stroke-width: 2; }
+.f0 { fill: var(--c0); } .f1 { fill: var(--c1); } .f2 { fill: var(--c2); } .f3 { fill: var(--c3); }
+.f4 { fill: var(--c4); } .f5 { fill: var(--c5); } .f6 { fill: var(--c6); } .f7 { fill: var(--c7); }
+polyline { fill: none; stroke-width: 2; } .l0 { stroke: var(--c0); } .l1 { stroke: var(--c1); } .l2 { stroke: var(--c2); }
+.l3 { stroke: var(--c3); } .l4 { stroke: var(--c4); } .l5 { stroke: var(--c5); } .l6 { stroke: var(--c6); }
+.l7 { stroke: var(--c7); }
+";

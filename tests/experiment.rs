@@ -1,0 +1,174 @@
+//! The experiments of the papers on a small data set laid out exactly as COLD: three labs, both cameras.
+
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+use image::{GrayImage, Luma};
+use serde_json::Value;
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+const DRIVES: [(&str, &str); 10] = [
+    ("cold-saarbruecken/part_b", "seq3_cloudy1"),
+    ("cold-saarbruecken/part_b", "seq3_cloudy2"),
+    ("cold-saarbruecken/part_b", "seq3_night1"),
+    ("cold-saarbruecken/part_b", "seq3_night2"),
+    ("cold-saarbruecken/part_b", "seq3_sunny1"),
+    ("cold-saarbruecken/part_b", "seq3_sunny2"),
+    ("cold-freiburg/part_a", "seq1_cloudy1"),
+    ("cold-freiburg/part_a", "seq2_cloudy2"),
+    ("cold-ljubljana", "seq1_cloudy1"),
+    ("cold-ljubljana", "seq1_cloudy2"),
+];
+const LABELS: [&str; 3] = ["CR-A", "PA-A", "BR-A"];
+const FRAMES_A_ROOM: usize = 15;
+const EXPERIMENTS: [&str; 9] = [
+    "features",
+    "keypoints",
+    "words",
+    "illumination",
+    "best",
+    "occlusion",
+    "dynamic",
+    "geographic",
+    "categorical",
+];
+
+/// Runs the command; its exit code, and what it says.
+fn roomsight(arguments: &[&str]) -> (i32, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_roomsight")).args(arguments).output().unwrap();
+    let said = [output.stdout, output.stderr].concat();
+    (output.status.code().unwrap(), String::from_utf8(said).unwrap())
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// Writes drives, each through all rooms, seen by both cameras.
+fn write_cold(root: &Path, drives: &[(&str, &str)], labels: &[&str]) {
+    for (drive_idx, (lab, sequence)) in drives.iter().enumerate() {
+        let folder = root.join(lab).join(sequence);
+        ["std_cam", "omni_cam", "localization"]
+            .iter()
+            .for_each(|name| fs::create_dir_all(folder.join(name)).unwrap());
+        let mut places = String::new();
+        for frame_idx in 0..labels.len() * FRAMES_A_ROOM {
+            let room = frame_idx / FRAMES_A_ROOM;
+            let name = format!(
+                "t11529{frame_idx:05}.{drive_idx:06}_x{}.{:06}_y{drive_idx}.500000_a0.100000.jpeg",
+                room * 4,
+                frame_idx % FRAMES_A_ROOM * 100_000
+            );
+            places += &format!("{name} {}\n", labels[room]);
+            let seed = (drive_idx * 100 + frame_idx) as u32;
+            frame(room, seed, false).save(folder.join("std_cam").join(&name)).unwrap();
+            frame(room, seed, true).save(folder.join("omni_cam").join(&name)).unwrap();
+        }
+        fs::write(folder.join("localization/places.lst"), places).unwrap();
+    }
+}
+
+/// Tiles whose size tells the room, in gray values that no other frame has; in a mirror or not.
+fn frame(room: usize, seed: u32, in_mirror: bool) -> GrayImage {
+    let side = [5, 8, 13][room];
+    GrayImage::from_fn(128, 96, |column, row| {
+        let radius = (f64::from(column) - 64.0).hypot(f64::from(row) - 48.0);
+        if in_mirror && !(8.0..46.0).contains(&radius) {
+            return Luma([0]);
+        }
+        let tile = (column / side).wrapping_mul(2_654_435_761)
+            ^ (row / side).wrapping_mul(40_503)
+            ^ seed.wrapping_mul(97);
+        Luma([((tile.wrapping_mul(2_246_822_519) >> 13) % 200 + 30) as u8])
+    })
+}
+
+fn run_all(data: &Path, report: &Path) -> (i32, String) {
+    let words = ["--set", "representation.n_words=40"];
+    let all = ["experiment", "all", "--quick", "--data", text(data), "--report", text(report)];
+    roomsight(&[&all[..], &words].concat())
+}
+
+#[test]
+fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
+    let folder = TempDir::new().unwrap();
+    let (data, report) = (folder.path().join("cold"), folder.path().join("report"));
+    write_cold(&data, &DRIVES, &LABELS);
+    let (code, said) = run_all(&data, &report);
+    assert_eq!(code, 0, "{said}");
+
+    let json = fs::read_to_string(report.join("report.json")).unwrap();
+    let parsed: Value = serde_json::from_str(&json).unwrap();
+    let entries = parsed["entries"].as_array().unwrap();
+    let names: Vec<&str> =
+        entries.iter().map(|entry| entry["plan"]["experiment"].as_str().unwrap()).collect();
+    assert_eq!(names, EXPERIMENTS);
+    for entry in entries {
+        for measured in entry["measured"].as_array().unwrap() {
+            let rate = measured["rate"]["mean"].as_f64().unwrap();
+            assert!((0.0..=1.0).contains(&rate));
+            assert!(measured["best"]["overall"]["n_frames"].as_u64().unwrap() > 0);
+        }
+    }
+    // The tiles tell the rooms apart.
+    assert!(entries[4]["measured"][0]["rate"]["mean"].as_f64().unwrap() > 0.6, "{said}");
+    let html = fs::read_to_string(report.join("report.html")).unwrap();
+    assert!(
+        html.contains(".9806") && html.contains("<svg") && !html.contains("http"),
+        "printed figures stand by"
+    );
+
+    let n_answers = || fs::read_dir(report.join("answers")).unwrap().count();
+    let before = n_answers();
+    let (code, said) = run_all(&data, &report);
+    assert_eq!(code, 0, "{said}");
+    assert_eq!(n_answers(), before);
+    assert_eq!(fs::read_to_string(report.join("report.json")).unwrap(), json);
+
+    // A changed frame changes what is answered of its drive, and of the models trained on it.
+    let frames = data.join("cold-freiburg/part_a/seq1_cloudy1/std_cam");
+    let first = fs::read_dir(frames).unwrap().map(|entry| entry.unwrap().path()).min().unwrap();
+    frame(2, 9999, false).save(first).unwrap();
+    assert_eq!(run_all(&data, &report).0, 0);
+    assert!(n_answers() > before);
+}
+
+#[test]
+fn what_cannot_work_is_said_before_it_starts() {
+    let folder = TempDir::new().unwrap();
+    let report = folder.path().join("report");
+    let refused = |data: &Path, name: &str| {
+        let (code, said) = roomsight(&["experiment", name, "--data", text(data), "--report", text(&report)]);
+        assert_eq!(code, 1, "{said}");
+        said
+    };
+    let few = folder.path().join("few");
+    write_cold(&few, &DRIVES[..2], &LABELS);
+    assert!(refused(&few, "features").contains("part B, standard path, night1"));
+    assert!(refused(&few, "categorical").contains("two labs"));
+
+    let one_room = folder.path().join("one-room");
+    write_cold(&one_room, &DRIVES[..2], &LABELS[..1]);
+    assert!(refused(&one_room, "best").contains("one room only"));
+
+    let other = folder.path().join("other");
+    fs::create_dir_all(other.join("kitchen")).unwrap();
+    fs::create_dir_all(other.join("bath")).unwrap();
+    frame(0, 1, false).save(other.join("kitchen/1.png")).unwrap();
+    frame(1, 2, false).save(other.join("bath/1.png")).unwrap();
+    assert!(refused(&other, "best").contains("named as those of COLD"));
+
+    let (code, said) = roomsight(&[
+        "experiment",
+        "best",
+        "--data",
+        text(&few),
+        "--report",
+        text(&report),
+        "--set",
+        "classifier.c=nan",
+    ]);
+    assert_eq!(code, 1, "{said}");
+}
