@@ -22,7 +22,7 @@ const DRIVES: [(&str, &str); 10] = [
     ("cold-ljubljana", "seq1_cloudy2"),
 ];
 const LABELS: [&str; 3] = ["CR-A", "PA-A", "BR-A"];
-const FRAMES_A_ROOM: usize = 15;
+const FRAMES_A_ROOM: usize = 25;
 const EXPERIMENTS: [&str; 9] = [
     "features",
     "keypoints",
