@@ -13,7 +13,7 @@ mod nearest;
 mod pattern;
 
 pub use fast::fast_strengths;
-pub use nearest::{UnitColumns, UnitRows, nearest_columns};
+pub use nearest::{ONE_PRODUCT, UnitColumns, UnitRows, largest_products, nearest_columns};
 pub use pattern::{
     CODE_BLOCK, COUNT_BLOCK, GRID_BLOCK, Grid, Taps, count_codes, interpolate_grid, mark_brighter,
 };

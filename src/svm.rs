@@ -1,22 +1,35 @@
-//! Multi-class support vector machines over rows of numbers (bags), and their probabilities.
+//! Multi-class support vector machines, and their probabilities.
 //!
-//! A [`LinearSvm`] is a set of binary machines, one a class or one a pair of classes. Each gives a
-//! decision value; a [`Calibration`] turns these into one probability a class.
+//! An SVM is a set of binary machines, one a class or one a pair of classes. A [`LinearSvm`] keeps one
+//! weight vector a machine; a [`KernelSvm`] the training rows it rests on, for any [`KernelFunction`]; a
+//! [`MatchSvm`] whole sets of descriptors, compared by the match kernel. Each machine gives a decision
+//! value; a [`Calibration`] turns these into one probability a class.
 
 mod coupling;
+mod dual;
+mod function;
 mod kernel;
+mod kernel_svm;
+mod libsvm_file;
+mod linear;
+mod machine;
+mod match_kernel;
 mod probability;
 mod smo;
 #[cfg(test)]
 mod tests;
 
+pub use dual::DualSvm;
+pub use function::KernelFunction;
+pub use kernel_svm::{KernelConfig, KernelSvm};
+pub use libsvm_file::{LibsvmError, LibsvmModel};
+pub use linear::LinearSvm;
+pub use match_kernel::{DescriptorSet, InnerKernel, MatchConfig, MatchSvm, match_gram};
 pub use probability::{Calibration, most_probable};
 
 use crate::matrix::Matrix;
-use kernel::Kernel;
-use rayon::prelude::*;
+use machine::Machine;
 use serde::{Deserialize, Serialize};
-use smo::{Problem, Solution};
 
 /// How binary machines are put together to tell several classes apart.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -82,6 +95,13 @@ impl Default for Config {
     }
 }
 
+impl Config {
+    fn check(&self) -> Result<(), SvmError> {
+        check_positive("c", self.c)?;
+        check_positive("the tolerance", self.tolerance)
+    }
+}
+
 /// Why an SVM or a calibration was not made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the texts say it")]
@@ -100,6 +120,10 @@ pub enum SvmError {
     NotFinite { row_idx: usize },
     #[error("row {row_idx} holds numbers too large to multiply: scale the features down")]
     TooLarge { row_idx: usize },
+    #[error("row {row_idx} holds a negative number: this kernel compares histograms, take another one")]
+    Negative { row_idx: usize },
+    #[error("coef0 is {value}: it must be finite")]
+    Coef0 { value: f64 },
     #[error("{name} is {value}: it must be positive and finite")]
     NotPositive { name: &'static str, value: f64 },
     #[error("training did not converge: lower c, raise the tolerance, or scale the features to about 1")]
@@ -110,210 +134,13 @@ pub enum SvmError {
     Damaged { name: &'static str, machine_idx: usize, reason: &'static str },
 }
 
-/// A trained multi-class SVM with the linear kernel: one weight vector w and one threshold rho a
-/// machine, the decision value of a row x is w . x - rho.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LinearSvm {
-    scheme: Scheme,
-    n_classes: usize,
-    weights: Matrix,
-    rho: Vec<f32>,
-    n_support_vectors: Vec<usize>,
-}
-
-impl LinearSvm {
-    /// Trains on `rows` (n x n_features), where row i is of class `labels[i]` < `n_classes`.
-    ///
-    /// The result depends on the arguments only, not on the number of threads. Kernel matrices take no
-    /// more than about three GiB for any number of rows; up to 4,500 rows they take under 0.3.
-    ///
-    /// # Errors
-    /// Fewer than two classes, a class without rows, a label too many or out of range, features that
-    /// are not finite or above about 1e18, c or the tolerance not positive, no convergence.
-    pub fn train(
-        rows: &Matrix,
-        labels: &[usize],
-        n_classes: usize,
-        config: &Config,
-    ) -> Result<Self, SvmError> {
-        for (name, value) in [("c", config.c), ("the tolerance", config.tolerance)] {
-            if !(value.is_finite() && value > 0.0) {
-                return Err(SvmError::NotPositive { name, value });
-            }
-        }
-        check_rows(rows, labels, n_classes)?;
-        check_every_class_has_rows(labels, n_classes)?;
-        let kernel = Kernel::linear(rows)?;
-        let trained: Vec<BinaryMachine> = config
-            .scheme
-            .machines(n_classes)
-            .par_iter()
-            .map(|machine| machine.train(&kernel, rows, labels, config))
-            .collect::<Result<_, _>>()?;
-        let mut svm = Self {
-            scheme: config.scheme,
-            n_classes,
-            weights: Matrix::new(rows.n_cols()),
-            rho: Vec::new(),
-            n_support_vectors: Vec::new(),
-        };
-        for machine in trained {
-            svm.weights.push_row(&machine.weights);
-            svm.rho.push(machine.rho);
-            svm.n_support_vectors.push(machine.n_support_vectors);
-        }
-        svm.validated()
-    }
-
-    /// Puts a machine together from its arrays, as [`LinearSvm::weights`], [`LinearSvm::rho`] and
-    /// [`LinearSvm::n_support_vectors`] gave them.
-    ///
-    /// # Errors
-    /// Arrays whose shapes do not agree with `scheme` and `n_classes`, or hold numbers that are not
-    /// finite.
-    pub fn from_parts(
-        scheme: Scheme,
-        n_classes: usize,
-        weights: Matrix,
-        rho: Vec<f32>,
-        n_support_vectors: Vec<usize>,
-    ) -> Result<Self, SvmError> {
-        Self { scheme, n_classes, weights, rho, n_support_vectors }.validated()
-    }
-
-    fn validated(self) -> Result<Self, SvmError> {
-        check_n_classes(self.n_classes)?;
-        let expected = self.scheme.n_machines(self.n_classes);
-        check_shape("weights", self.weights.n_rows(), expected)?;
-        check_shape("thresholds", self.rho.len(), expected)?;
-        check_shape("support vector counts", self.n_support_vectors.len(), expected)?;
-        for (machine_idx, weights) in self.weights.rows().enumerate() {
-            check_finite("weights", machine_idx, weights)?;
-            check_finite("thresholds", machine_idx, &self.rho[machine_idx..=machine_idx])?;
-        }
-        Ok(self)
-    }
-
-    /// One decision value a machine, finite for finite features, positive for the machine's positive
-    /// class. Panics when `row` has not [`LinearSvm::n_features`] numbers.
-    pub fn decision_values(&self, row: &[f32]) -> Vec<f32> {
-        assert_eq!(row.len(), self.n_features(), "a row of another width");
-        let value = |weights, rho: &f32| kernel::dot(weights, row) - f64::from(*rho);
-        self.weights.rows().zip(&self.rho).map(|(weights, rho)| to_f32(value(weights, rho))).collect()
-    }
-
-    /// How the machines are put together.
-    pub fn scheme(&self) -> Scheme {
-        self.scheme
-    }
-
-    /// The number of classes.
-    pub fn n_classes(&self) -> usize {
-        self.n_classes
-    }
-
-    /// The number of features of a row.
-    pub fn n_features(&self) -> usize {
-        self.weights.n_cols()
-    }
-
-    /// The weights w: n_machines x n_features.
-    pub fn weights(&self) -> &Matrix {
-        &self.weights
-    }
-
-    /// The threshold of each machine.
-    pub fn rho(&self) -> &[f32] {
-        &self.rho
-    }
-
-    /// The number of training rows each machine rests on.
-    pub fn n_support_vectors(&self) -> &[usize] {
-        &self.n_support_vectors
-    }
-}
-
-/// Which rows a binary machine tells apart: those of a class from those of another, or from all others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Machine {
-    positive: usize,
-    negative: Option<usize>,
-}
-
-/// A trained [`Machine`].
-struct BinaryMachine {
-    weights: Vec<f32>,
-    rho: f32,
-    n_support_vectors: usize,
-}
-
-impl Machine {
-    /// Whether rows of class `label` are on the positive side; `None` where the machine ignores them.
-    fn side(self, label: usize) -> Option<bool> {
-        if label == self.positive {
-            Some(true)
-        } else {
-            self.negative.is_none_or(|negative| label == negative).then_some(false)
-        }
-    }
-
-    fn train(
-        self,
-        kernel: &Kernel,
-        rows: &Matrix,
-        labels: &[usize],
-        config: &Config,
-    ) -> Result<BinaryMachine, SvmError> {
-        let (row_idxs, positive): (Vec<usize>, Vec<bool>) = labels
-            .iter()
-            .enumerate()
-            .filter_map(|(row_idx, &label)| Some((row_idx, self.side(label)?)))
-            .unzip();
-        let (c_positive, c_negative) = costs(&positive, config);
-        let problem = Problem { positive: &positive, c_positive, c_negative, tolerance: config.tolerance };
-        let solution = if row_idxs.len() == rows.n_rows() {
-            smo::solve(kernel, &problem)?
-        } else {
-            smo::solve(&kernel.subset(&row_idxs), &problem)?
-        };
-        Ok(collapse(&solution, &row_idxs, rows))
-    }
-}
-
-/// The cost of an error on the positive and on the negative side.
-fn costs(positive: &[bool], config: &Config) -> (f64, f64) {
-    match config.class_weights {
-        ClassWeights::Equal => (config.c, config.c),
-        ClassWeights::Balanced => {
-            let n = positive.len() as f64;
-            let n_positive = positive.iter().filter(|&&is_positive| is_positive).count() as f64;
-            (config.c * n / (2.0 * n_positive), config.c * n / (2.0 * (n - n_positive)))
-        }
-    }
-}
-
-/// Sums the support vectors into one weight vector.
-fn collapse(solution: &Solution, row_idxs: &[usize], rows: &Matrix) -> BinaryMachine {
-    let mut weights = vec![0.0; rows.n_cols()];
-    let mut n_support_vectors = 0;
-    for (&multiplier, &row_idx) in solution.multipliers.iter().zip(row_idxs) {
-        if multiplier != 0.0 {
-            n_support_vectors += 1;
-            for (weight, &feature) in weights.iter_mut().zip(rows.row(row_idx)) {
-                *weight += multiplier * f64::from(feature);
-            }
-        }
-    }
-    BinaryMachine {
-        weights: weights.into_iter().map(to_f32).collect(),
-        rho: to_f32(solution.rho),
-        n_support_vectors,
-    }
-}
-
 /// Narrows without ever becoming infinite.
 fn to_f32(value: f64) -> f32 {
     value.clamp(f64::from(f32::MIN), f64::from(f32::MAX)) as f32
+}
+
+fn check_positive(name: &'static str, value: f64) -> Result<(), SvmError> {
+    if value.is_finite() && value > 0.0 { Ok(()) } else { Err(SvmError::NotPositive { name, value }) }
 }
 
 fn check_n_classes(n_classes: usize) -> Result<(), SvmError> {
@@ -328,6 +155,10 @@ fn check_rows(rows: &Matrix, labels: &[usize], n_classes: usize) -> Result<(), S
     if let Some(row_idx) = labels.iter().position(|&label| label >= n_classes) {
         return Err(SvmError::UnknownLabel { row_idx, label: labels[row_idx], n_classes });
     }
+    check_finite_rows(rows)
+}
+
+fn check_finite_rows(rows: &Matrix) -> Result<(), SvmError> {
     match rows.rows().position(|row| row.iter().any(|value| !value.is_finite())) {
         Some(row_idx) => Err(SvmError::NotFinite { row_idx }),
         None => Ok(()),

@@ -1,9 +1,15 @@
-//! The nearest of many vectors, in fixed point.
+//! The nearest of many vectors, and the largest products with many, in fixed point.
 
 use crate::matrix::Matrix;
 
 /// One in the fixed-point numbers: the products of vectors of unit length then fit 32 bits.
 const ONE: f32 = 16_384.0;
+
+/// The fixed-point product that stands for one.
+pub const ONE_PRODUCT: i32 = 1 << 28;
+
+/// Stands for the squared length of padding: so large that it is never nearest.
+const PADDING: i32 = i32::MAX / 2;
 
 /// Columns that are worked on at once.
 const COLUMN_BLOCK: usize = 16;
@@ -38,6 +44,11 @@ impl UnitRows {
         }
         Self { pairs, n_pairs_a_row }
     }
+
+    /// The number of rows.
+    pub fn n_rows(&self) -> usize {
+        self.pairs.len().checked_div(self.n_pairs_a_row).unwrap_or(0)
+    }
 }
 
 /// Rounded to the nearest fixed-point number; halves away from zero.
@@ -45,12 +56,12 @@ fn fixed(value: f32) -> i16 {
     (value * ONE + 0.5f32.copysign(value)) as i16
 }
 
-/// The rows of a matrix laid out as columns, for [`nearest_columns`].
+/// The rows of a matrix laid out as columns, for [`nearest_columns`] and [`largest_products`].
 #[derive(Clone, Debug)]
 pub struct UnitColumns {
     /// Blocks of [`COLUMN_BLOCK`] columns; within a block, pair after pair.
     blocks: Vec<[[i16; 2]; COLUMN_BLOCK]>,
-    /// The squared length of each column; so large for padding that it is never nearest.
+    /// The squared length of each column, [`PADDING`] after the last.
     squared_lengths: Vec<[i32; COLUMN_BLOCK]>,
     n_pairs: usize,
 }
@@ -62,7 +73,7 @@ impl UnitColumns {
         let n_pairs = rows.n_pairs_a_row;
         let n_blocks = matrix.n_rows().div_ceil(COLUMN_BLOCK);
         let mut blocks = vec![[[0; 2]; COLUMN_BLOCK]; n_blocks * n_pairs];
-        let mut squared_lengths = vec![[i32::MAX / 2; COLUMN_BLOCK]; n_blocks];
+        let mut squared_lengths = vec![[PADDING; COLUMN_BLOCK]; n_blocks];
         for (column_idx, row) in rows.pairs.chunks_exact(n_pairs.max(1)).enumerate() {
             let (block_idx, lane) = (column_idx / COLUMN_BLOCK, column_idx % COLUMN_BLOCK);
             let block = &mut blocks[block_idx * n_pairs..][..n_pairs];
@@ -107,6 +118,35 @@ pub fn nearest_columns(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u3
         }
     }
     nearest_columns_kernel::<Plain>(rows, columns, nearest);
+}
+
+/// The largest product of each row with any column into `of_rows`, and of each column with any row into
+/// `of_columns`, in fixed point; both hold as many as there are. Without any it is `i32::MIN`.
+pub fn largest_products(rows: &UnitRows, columns: &UnitColumns, of_rows: &mut [i32], of_columns: &mut [i32]) {
+    // As above.
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2")]
+        fn with_avx2(rows: &UnitRows, columns: &UnitColumns, of_rows: &mut [i32], of_columns: &mut [i32]) {
+            largest_products_kernel::<x86::Avx2>(rows, columns, of_rows, of_columns);
+        }
+
+        #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
+        fn with_avx512(rows: &UnitRows, columns: &UnitColumns, of_rows: &mut [i32], of_columns: &mut [i32]) {
+            largest_products_kernel::<x86::Avx512>(rows, columns, of_rows, of_columns);
+        }
+
+        use std::arch::is_x86_feature_detected as has;
+        if has!("avx512f") && has!("avx512bw") && has!("avx512vl") {
+            // SAFETY: the CPU has all that the function asks for.
+            return unsafe { with_avx512(rows, columns, of_rows, of_columns) };
+        }
+        if has!("avx2") {
+            // SAFETY: the CPU has all that the function asks for.
+            return unsafe { with_avx2(rows, columns, of_rows, of_columns) };
+        }
+    }
+    largest_products_kernel::<Plain>(rows, columns, of_rows, of_columns);
 }
 
 /// Running products of one row with [`COLUMN_BLOCK`] columns.
@@ -233,16 +273,9 @@ fn nearest_of_block<P: Products, const R: usize>(
     let mut best_score = [[i32::MIN; COLUMN_BLOCK]; R];
     let mut best_block = [[0u32; COLUMN_BLOCK]; R];
     for (block_idx, squared_lengths) in columns.squared_lengths.iter().enumerate() {
-        let block = &columns.blocks[block_idx * n..][..n];
-        let mut products = [P::ZERO; R];
-        for (i, lanes) in block.iter().enumerate() {
-            for r in 0..R {
-                products[r] = products[r].add(row[r][i], lanes);
-            }
-        }
+        let products = products_of_block::<P, R>(&row, &columns.blocks[block_idx * n..][..n]);
         for r in 0..R {
-            let products = products[r].into_lanes();
-            keep_larger(&products, squared_lengths, block_idx, &mut best_score[r], &mut best_block[r]);
+            keep_larger(&products[r], squared_lengths, block_idx, &mut best_score[r], &mut best_block[r]);
         }
     }
     for r in 0..R {
@@ -256,6 +289,21 @@ fn nearest_of_block<P: Products, const R: usize>(
         }
         nearest[r] = column(best);
     }
+}
+
+/// The products of `R` rows with a block of columns.
+#[inline(always)]
+fn products_of_block<P: Products, const R: usize>(
+    rows: &[&[[i16; 2]]; R],
+    block: &[[[i16; 2]; COLUMN_BLOCK]],
+) -> [[i32; COLUMN_BLOCK]; R] {
+    let mut products = [P::ZERO; R];
+    for (i, lanes) in block.iter().enumerate() {
+        for r in 0..R {
+            products[r] = products[r].add(rows[r][i], lanes);
+        }
+    }
+    products.map(P::into_lanes)
 }
 
 /// Keeps in each lane the larger score, and the block that it is from.
@@ -279,6 +327,60 @@ fn keep_larger(
     for lane in 0..COLUMN_BLOCK {
         best_score[lane] = best_score[lane].max(scores[lane]);
     }
+}
+
+#[inline(always)]
+fn largest_products_kernel<P: Products>(
+    rows: &UnitRows,
+    columns: &UnitColumns,
+    of_rows: &mut [i32],
+    of_columns: &mut [i32],
+) {
+    of_columns.fill(i32::MIN);
+    let n = columns.n_pairs;
+    let (blocks, rest) = of_rows.as_chunks_mut::<ROW_BLOCK>();
+    let (of_blocks, of_rest) = rows.pairs.split_at(blocks.len() * ROW_BLOCK * n);
+    for (block_idx, of_rows) in blocks.iter_mut().enumerate() {
+        let rows = &of_blocks[block_idx * ROW_BLOCK * n..][..ROW_BLOCK * n];
+        largest_of_block::<P, ROW_BLOCK>(rows, columns, of_rows, of_columns);
+    }
+    for (row_idx, of_row) in rest.iter_mut().enumerate() {
+        largest_of_block::<P, 1>(
+            &of_rest[row_idx * n..][..n],
+            columns,
+            std::array::from_mut(of_row),
+            of_columns,
+        );
+    }
+}
+
+/// `R` rows against all columns, [`COLUMN_BLOCK`] at a time; a lane is a column.
+#[inline(always)]
+fn largest_of_block<P: Products, const R: usize>(
+    rows: &[[i16; 2]],
+    columns: &UnitColumns,
+    of_rows: &mut [i32; R],
+    of_columns: &mut [i32],
+) {
+    let n = columns.n_pairs;
+    let row: [&[[i16; 2]]; R] = std::array::from_fn(|r| &rows[r * n..][..n]);
+    let mut best = [[i32::MIN; COLUMN_BLOCK]; R];
+    let of_blocks = of_columns.chunks_mut(COLUMN_BLOCK);
+    for (block_idx, (squared_lengths, of_block)) in columns.squared_lengths.iter().zip(of_blocks).enumerate()
+    {
+        let products = products_of_block::<P, R>(&row, &columns.blocks[block_idx * n..][..n]);
+        let mut largest = [i32::MIN; COLUMN_BLOCK];
+        for r in 0..R {
+            for lane in 0..COLUMN_BLOCK {
+                let is_padding = squared_lengths[lane] == PADDING;
+                let product = if is_padding { i32::MIN } else { products[r][lane] };
+                best[r][lane] = best[r][lane].max(product);
+                largest[lane] = largest[lane].max(product);
+            }
+        }
+        of_block.iter_mut().zip(largest).for_each(|(best, product)| *best = product.max(*best));
+    }
+    *of_rows = best.map(|lanes| lanes.into_iter().fold(i32::MIN, i32::max));
 }
 
 #[cfg(test)]
@@ -313,6 +415,30 @@ mod tests {
                 let expected = (0..n_columns).min_by_key(|&idx| distance(centers.row(idx))).unwrap();
                 prop_assert_eq!(nearest[row_idx] as usize, expected);
             }
+        }
+
+        #[test]
+        fn the_largest_products_are_the_naive_ones(
+            n_rows in 0usize..10, n_columns in 0usize..50, width in 1usize..20,
+            values in prop::collection::vec(-4i8..=4, 1400),
+        ) {
+            let (rows, others) = (rows(&values, n_rows, width), rows(&values[200..], n_columns, width));
+            let (fixed_rows, columns) = (UnitRows::new(&rows), UnitColumns::new(&others));
+            let found = |kernel: fn(&UnitRows, &UnitColumns, &mut [i32], &mut [i32])| {
+                let (mut of_rows, mut of_columns) = (vec![0; n_rows], vec![0; n_columns]);
+                kernel(&fixed_rows, &columns, &mut of_rows, &mut of_columns);
+                (of_rows, of_columns)
+            };
+            let product = |row: &[f32], other: &[f32]| -> i32 {
+                row.iter().zip(other).map(|(&a, &b)| i32::from(fixed(a)) * i32::from(fixed(b))).sum()
+            };
+            let largest = |from: &Matrix, to: &Matrix| -> Vec<i32> {
+                let of = |row| to.rows().map(|other| product(row, other)).max().unwrap_or(i32::MIN);
+                from.rows().map(of).collect()
+            };
+            let expected = (largest(&rows, &others), largest(&others, &rows));
+            prop_assert_eq!(found(largest_products), expected.clone());
+            prop_assert_eq!(found(largest_products_kernel::<Plain>), expected);
         }
     }
 }

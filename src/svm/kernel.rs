@@ -2,9 +2,9 @@
 //!
 //! The solver sees rows only. A matrix that fits the memory budget is computed once and shared by
 //! all machines; of a larger one the rows are computed when asked for, and the last used are kept.
-//! Both ways give the same numbers, bit for bit.
+//! Both ways give the same numbers, bit for bit. A matrix may also be given as a whole.
 
-use super::SvmError;
+use super::{KernelFunction, SvmError};
 use crate::matrix::Matrix;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -24,8 +24,8 @@ pub(super) struct Kernel<'a> {
 }
 
 enum Storage<'a> {
-    Whole(Matrix),
-    OnDemand { rows: Cow<'a, Matrix>, cache: Mutex<Cache> },
+    Whole(Cow<'a, Matrix>),
+    OnDemand { rows: Cow<'a, Matrix>, function: KernelFunction, cache: Mutex<Cache> },
 }
 
 /// One row of a kernel matrix.
@@ -48,12 +48,12 @@ impl Deref for Row<'_> {
 }
 
 impl<'a> Kernel<'a> {
-    /// The linear kernel k(x, z) = x . z over `rows`.
+    /// The kernel `function` over `rows`.
     ///
     /// # Errors
-    /// A row whose product with itself is beyond `f32`.
-    pub(super) fn linear(rows: &'a Matrix) -> Result<Self, SvmError> {
-        let kernel = Self::with_budget(Cow::Borrowed(rows), MEMORY_BUDGET);
+    /// A row whose kernel with itself is beyond `f32`.
+    pub(super) fn new(rows: &'a Matrix, function: KernelFunction) -> Result<Self, SvmError> {
+        let kernel = Self::with_budget(Cow::Borrowed(rows), function, MEMORY_BUDGET);
         // By Cauchy and Schwarz no product of two rows is above the largest on the diagonal.
         match kernel.diagonal.iter().position(|value| *value > f32::MAX / 4.0) {
             Some(row_idx) => Err(SvmError::TooLarge { row_idx }),
@@ -61,15 +61,21 @@ impl<'a> Kernel<'a> {
         }
     }
 
-    fn with_budget(rows: Cow<'a, Matrix>, budget: usize) -> Self {
-        let diagonal: Vec<f32> = rows.rows().map(|row| dot(row, row) as f32).collect();
+    /// A kernel matrix computed elsewhere: n x n, symmetric.
+    pub(super) fn precomputed(gram: &'a Matrix) -> Self {
+        let diagonal = gram.rows().enumerate().map(|(row_idx, row)| row[row_idx]).collect();
+        Self { diagonal, storage: Storage::Whole(Cow::Borrowed(gram)) }
+    }
+
+    fn with_budget(rows: Cow<'a, Matrix>, function: KernelFunction, budget: usize) -> Self {
+        let diagonal: Vec<f32> = rows.rows().map(|row| function.value(row, row)).collect();
         let n = diagonal.len();
         let row_bytes = n * size_of::<f32>();
         let storage = if n.saturating_mul(row_bytes) <= budget {
-            Storage::Whole(gram(&rows))
+            Storage::Whole(Cow::Owned(symmetric(n, |i, j| function.value(rows.row(i), rows.row(j)))))
         } else {
             let cache = Mutex::new(Cache::new(n, (budget / row_bytes).max(2)));
-            Storage::OnDemand { rows, cache }
+            Storage::OnDemand { rows, function, cache }
         };
         Self { diagonal, storage }
     }
@@ -79,18 +85,18 @@ impl<'a> Kernel<'a> {
         match &self.storage {
             Storage::Whole(gram) => Kernel {
                 diagonal: row_idxs.iter().map(|&row_idx| self.diagonal[row_idx]).collect(),
-                storage: Storage::Whole(gathered(row_idxs, row_idxs.len(), |row_idx, out| {
+                storage: Storage::Whole(Cow::Owned(gathered(row_idxs, row_idxs.len(), |row_idx, out| {
                     let row = gram.row(row_idx);
                     out.extend(row_idxs.iter().map(|&col_idx| row[col_idx]));
-                })),
+                }))),
             },
-            Storage::OnDemand { rows, .. } => {
+            Storage::OnDemand { rows, function, .. } => {
                 let subset = gathered(row_idxs, rows.n_cols(), |row_idx, out| {
                     out.extend_from_slice(rows.row(row_idx));
                 });
                 // As many subsets are alive at once as there are threads.
                 let budget = MEMORY_BUDGET / rayon::current_num_threads().max(1);
-                Kernel::with_budget(Cow::Owned(subset), budget)
+                Kernel::with_budget(Cow::Owned(subset), *function, budget)
             }
         }
     }
@@ -104,14 +110,14 @@ impl<'a> Kernel<'a> {
     pub(super) fn row(&self, row_idx: usize) -> Row<'_> {
         match &self.storage {
             Storage::Whole(gram) => Row::Borrowed(gram.row(row_idx)),
-            Storage::OnDemand { rows, cache } => {
+            Storage::OnDemand { rows, function, cache } => {
                 // A thread that panicked leaves the cache whole: every row in it is complete.
                 let lock = || cache.lock().unwrap_or_else(PoisonError::into_inner);
                 if let Some(row) = lock().get(row_idx) {
                     return Row::Shared(row);
                 }
                 let this = rows.row(row_idx);
-                let row: Arc<[f32]> = rows.rows().map(|other| dot(this, other) as f32).collect();
+                let row: Arc<[f32]> = rows.rows().map(|other| function.value(this, other)).collect();
                 lock().insert(row_idx, Arc::clone(&row));
                 Row::Shared(row)
             }
@@ -119,40 +125,26 @@ impl<'a> Kernel<'a> {
     }
 }
 
-/// The product of two rows, summed in `f64` in a fixed order. It is the same with the rows exchanged.
-pub(super) fn dot(left: &[f32], right: &[f32]) -> f64 {
-    const LANES: usize = 8;
-    let (left_chunks, left_rest) = left.as_chunks::<LANES>();
-    let (right_chunks, right_rest) = right.as_chunks::<LANES>();
-    let mut sums = [0.0; LANES];
-    for (left, right) in left_chunks.iter().zip(right_chunks) {
-        for lane in 0..LANES {
-            sums[lane] += f64::from(left[lane]) * f64::from(right[lane]);
-        }
-    }
-    let rest: f64 = left_rest.iter().zip(right_rest).map(|(l, r)| f64::from(*l) * f64::from(*r)).sum();
-    sums.iter().sum::<f64>() + rest
-}
-
-/// The whole linear kernel matrix.
-fn gram(rows: &Matrix) -> Matrix {
-    let n = rows.n_rows();
-    let mut gram = Matrix::zeros(n, n);
-    gram.as_mut_slice().par_chunks_mut(BLOCK * n.max(1)).enumerate().for_each(|(block_idx, block)| {
+/// The symmetric n x n matrix of the values of each pair (i, j); each is computed once, by some thread.
+pub(super) fn symmetric(n: usize, value: impl Fn(usize, usize) -> f32 + Sync) -> Matrix {
+    let mut matrix = Matrix::zeros(n, n);
+    let values = matrix.as_mut_slice();
+    values.par_chunks_mut(BLOCK * n.max(1)).enumerate().for_each(|(block_idx, block)| {
         let first = block_idx * BLOCK;
-        for (col_idx, other) in rows.rows().enumerate().take(first + BLOCK) {
-            for (offset, out) in block.chunks_exact_mut(n).enumerate() {
-                out[col_idx] = dot(rows.row(first + offset), other) as f32;
+        for col_idx in 0..n.min(first + BLOCK) {
+            for (row_idx, row) in (first..).zip(block.chunks_exact_mut(n)) {
+                if col_idx <= row_idx {
+                    row[col_idx] = value(row_idx, col_idx);
+                }
             }
         }
     });
-    let values = gram.as_mut_slice();
     for row_idx in 0..n {
         for col_idx in row_idx + 1..n {
             values[row_idx * n + col_idx] = values[col_idx * n + row_idx];
         }
     }
-    gram
+    matrix
 }
 
 /// A matrix with one row for each of `row_idxs`, appended by `push`.
@@ -218,32 +210,38 @@ mod tests {
         })
     }
 
-    fn naive(rows: &Matrix, i: usize, j: usize) -> f64 {
-        rows.row(i).iter().zip(rows.row(j)).map(|(l, r)| f64::from(*l) * f64::from(*r)).sum()
+    fn kernel_functions() -> impl Strategy<Value = KernelFunction> {
+        prop_oneof![
+            Just(KernelFunction::Linear),
+            Just(KernelFunction::Rbf { gamma: 0.3 }),
+            Just(KernelFunction::Sigmoid { gamma: 0.1, coef0: -0.2 }),
+            Just(KernelFunction::ChiSquared { gamma: 0.7 }),
+            Just(KernelFunction::HistogramIntersection),
+        ]
     }
 
     proptest! {
         #[test]
-        fn rows_are_inner_products(rows in rows(11)) {
-            let kernel = Kernel::linear(&rows).unwrap();
+        fn rows_are_values_of_the_kernel_function(rows in rows(11), function in kernel_functions()) {
+            let kernel = Kernel::new(&rows, function).unwrap();
             for i in 0..rows.n_rows() {
-                prop_assert_eq!(kernel.row(i).len(), rows.n_rows());
-                for (j, value) in kernel.row(i).iter().enumerate() {
-                    prop_assert!((f64::from(*value) - naive(&rows, i, j)).abs() < 1e-5);
-                }
-                prop_assert_eq!(kernel.diagonal()[i], kernel.row(i)[i]);
+                let expected: Vec<f32> =
+                    rows.rows().map(|other| function.value(rows.row(i), other)).collect();
+                prop_assert_eq!(&*kernel.row(i), &expected[..]);
+                prop_assert_eq!(kernel.diagonal()[i], expected[i]);
             }
         }
 
         #[test]
         fn rows_on_demand_equal_those_of_the_whole_matrix(
             rows in rows(19),
+            function in kernel_functions(),
             asked in proptest::collection::vec(0_usize..40, 1..60),
         ) {
             let n = rows.n_rows();
-            let whole = Kernel::linear(&rows).unwrap();
+            let whole = Kernel::new(&rows, function).unwrap();
             for budget in [0, 3 * 4 * n] {
-                let on_demand = Kernel::with_budget(Cow::Borrowed(&rows), budget);
+                let on_demand = Kernel::with_budget(Cow::Borrowed(&rows), function, budget);
                 for row_idx in asked.iter().map(|row_idx| row_idx % n) {
                     prop_assert_eq!(&*on_demand.row(row_idx), &*whole.row(row_idx));
                 }
@@ -257,12 +255,13 @@ mod tests {
         #[test]
         fn a_subset_holds_the_chosen_rows_and_columns(
             rows in rows(5),
+            function in kernel_functions(),
             chosen in proptest::collection::vec(0_usize..40, 1..20),
         ) {
             let n = rows.n_rows();
             let chosen: Vec<usize> = chosen.into_iter().map(|row_idx| row_idx % n).collect();
-            let whole = Kernel::linear(&rows).unwrap();
-            for kernel in [&whole, &Kernel::with_budget(Cow::Borrowed(&rows), 0)] {
+            let whole = Kernel::new(&rows, function).unwrap();
+            for kernel in [&whole, &Kernel::with_budget(Cow::Borrowed(&rows), function, 0)] {
                 let subset = kernel.subset(&chosen);
                 for (i, &row_idx) in chosen.iter().enumerate() {
                     let expected: Vec<f32> = chosen.iter().map(|&col_idx| whole.row(row_idx)[col_idx]).collect();

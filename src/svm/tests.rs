@@ -1,3 +1,5 @@
+use super::kernel::Kernel;
+use super::smo::{self, Problem};
 use super::*;
 use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType, predict::predict_values};
 use proptest::prelude::*;
@@ -5,14 +7,14 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// A training set, row i of class i modulo the number of classes.
-struct Set {
-    rows: Matrix,
-    labels: Vec<usize>,
-    n_classes: usize,
+pub(super) struct Set {
+    pub(super) rows: Matrix,
+    pub(super) labels: Vec<usize>,
+    pub(super) n_classes: usize,
 }
 
 /// Bag-like rows (some zeros, sum 1) around one center a class. Classes overlap as `noise` grows.
-fn bags(seed: u64, n_rows: usize, n_classes: usize, noise: f32) -> Set {
+pub(super) fn bags(seed: u64, n_rows: usize, n_classes: usize, noise: f32) -> Set {
     const N_WORDS: usize = 13;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let centers: Vec<[f32; N_WORDS]> = (0..n_classes).map(|_| rng.random()).collect();
@@ -28,7 +30,7 @@ fn bags(seed: u64, n_rows: usize, n_classes: usize, noise: f32) -> Set {
 }
 
 /// Makes every tenth row equal to an earlier one, mostly of another class.
-fn with_duplicates(mut set: Set) -> Set {
+pub(super) fn with_duplicates(mut set: Set) -> Set {
     for row_idx in (10..set.rows.n_rows()).step_by(10) {
         let earlier = set.rows.row(row_idx - 7).to_vec();
         set.rows.row_mut(row_idx).copy_from_slice(&earlier);
@@ -36,7 +38,7 @@ fn with_duplicates(mut set: Set) -> Set {
     set
 }
 
-fn libsvm_nodes(row: &[f32]) -> Vec<SvmNode> {
+pub(super) fn libsvm_nodes(row: &[f32]) -> Vec<SvmNode> {
     (1..).zip(row).map(|(index, &value)| SvmNode { index, value: f64::from(value) }).collect()
 }
 
@@ -55,9 +57,9 @@ fn libsvm(rows: &Matrix, labels: &[f64], c: f64, weight: Vec<(i32, f64)>) -> lib
     libsvm_rs::train::svm_train(&problem, &parameter)
 }
 
-fn libsvm_decision_values(model: &libsvm_rs::SvmModel, row: &[f32]) -> Vec<f64> {
+pub(super) fn libsvm_decision_values(model: &libsvm_rs::SvmModel, nodes: &[SvmNode]) -> Vec<f64> {
     let mut values = vec![0.0; model.nr_class * (model.nr_class - 1) / 2];
-    predict_values(model, &libsvm_nodes(row), &mut values);
+    predict_values(model, nodes, &mut values);
     values
 }
 
@@ -82,8 +84,14 @@ fn binary_objective_and_decision_values_equal_those_of_libsvm() {
             let Set { rows, labels, .. } = with_duplicates(bags(seed, 90, 2, noise));
             let positive: Vec<bool> = labels.iter().map(|&label| label == 0).collect();
             let targets: Vec<f64> = positive.iter().map(|&p| if p { 1.0 } else { -1.0 }).collect();
-            let problem = Problem { positive: &positive, c_positive: c, c_negative: c, tolerance: 1e-6 };
-            let ours = smo::solve(&Kernel::linear(&rows).unwrap(), &problem).unwrap();
+            let problem = Problem {
+                positive: &positive,
+                c_positive: c,
+                c_negative: c,
+                tolerance: 1e-6,
+                shrinking: false,
+            };
+            let ours = smo::solve(&Kernel::new(&rows, KernelFunction::Linear).unwrap(), &problem).unwrap();
 
             let model = libsvm(&rows, &targets, c, vec![]);
             let mut theirs = vec![0.0; rows.n_rows()];
@@ -100,11 +108,10 @@ fn binary_objective_and_decision_values_equal_those_of_libsvm() {
                 let alpha = if positive { *multiplier } else { -multiplier };
                 assert!((0.0..=c).contains(&alpha));
             }
-            let all: Vec<usize> = (0..rows.n_rows()).collect();
-            let machine = collapse(&ours, &all, &rows);
+            let weights = linear::collapse(&ours, &rows);
             for row in rows.rows() {
-                let value = kernel::dot(&machine.weights, row) - f64::from(machine.rho);
-                let expected = libsvm_decision_values(&model, row)[0];
+                let value = function::dot(&weights, row) - ours.rho;
+                let expected = libsvm_decision_values(&model, &libsvm_nodes(row))[0];
                 assert!((value - expected).abs() < 2e-3, "{value} and {expected}");
             }
         }
@@ -121,7 +128,8 @@ fn one_vs_one_decision_values_equal_those_of_libsvm() {
         let model = libsvm(&set.rows, &labels, c, vec![]);
         assert_eq!(model.label, [0, 1, 2, 3]);
         for row in set.rows.rows() {
-            for (value, expected) in svm.decision_values(row).iter().zip(libsvm_decision_values(&model, row))
+            for (value, expected) in
+                svm.decision_values(row).iter().zip(libsvm_decision_values(&model, &libsvm_nodes(row)))
             {
                 assert!((f64::from(*value) - expected).abs() < 2e-3, "{value} and {expected}");
             }
@@ -143,7 +151,7 @@ fn balanced_one_vs_all_equals_libsvm_with_weights() {
         assert_eq!(svm.n_support_vectors()[class_idx], model.sv.len());
         for row in set.rows.rows() {
             let value = f64::from(svm.decision_values(row)[class_idx]);
-            let expected = sign * libsvm_decision_values(&model, row)[0];
+            let expected = sign * libsvm_decision_values(&model, &libsvm_nodes(row))[0];
             assert!((value - expected).abs() < 2e-3, "{value} and {expected}");
         }
     }
