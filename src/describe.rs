@@ -5,10 +5,12 @@ mod circle;
 mod cs_lbp;
 mod lbp;
 mod region;
+mod surf;
 
 pub use cs_lbp::CsLbp;
 pub use lbp::Lbp;
 pub use region::{Region, Weighting};
+pub use surf::SurfDescriptor;
 
 use crate::camera::View;
 use crate::detect::Keypoint;
@@ -24,6 +26,8 @@ pub enum Descriptor {
     Lbp(Lbp),
     /// Center-symmetric local binary patterns.
     CsLbp(CsLbp),
+    /// Sums of Haar responses, as in SURF.
+    Surf(SurfDescriptor),
 }
 
 impl Default for Descriptor {
@@ -35,13 +39,27 @@ impl Default for Descriptor {
 impl Descriptor {
     /// One row of unit L2 length a keypoint, in their order.
     ///
-    /// Regions lie along the radial direction in frames of a mirror, upright in others. What lies outside
-    /// the valid region of `view` does not count.
+    /// Regions lie along the radial direction in frames of a mirror, upright in others; those of SURF lie
+    /// along the keypoint's own direction if it has one. What lies outside the valid region of `view` does
+    /// not count.
     pub fn describe(&self, image: &Image, keypoints: &[Keypoint], view: &View) -> Matrix {
         match self {
             Self::Lbp(lbp) => lbp.describe(image, keypoints, view),
             Self::CsLbp(cs_lbp) => cs_lbp.describe(image, keypoints, view),
+            Self::Surf(surf) => surf.describe(image, keypoints, view),
         }
+    }
+
+    /// The corners of the square round `keypoint` that is described, in order.
+    pub fn square(&self, keypoint: &Keypoint, view: &View) -> [(f32, f32); 4] {
+        let (half, right) = match self {
+            Self::Lbp(lbp) => (lbp.region.side as f32 / 2.0, right_of(keypoint, view)),
+            Self::CsLbp(cs_lbp) => (cs_lbp.region.side as f32 / 2.0, right_of(keypoint, view)),
+            Self::Surf(_) => SurfDescriptor::square(keypoint, view),
+        };
+        [(-half, -half), (half, -half), (half, half), (-half, half)].map(|(along, across)| {
+            (keypoint.x + along * right.0 - across * right.1, keypoint.y + along * right.1 + across * right.0)
+        })
     }
 
     /// The length of a row.
@@ -49,6 +67,7 @@ impl Descriptor {
         match self {
             Self::Lbp(lbp) => lbp.n_dimensions(),
             Self::CsLbp(cs_lbp) => cs_lbp.n_dimensions(),
+            Self::Surf(surf) => surf.n_dimensions(),
         }
     }
 
@@ -57,8 +76,15 @@ impl Descriptor {
         match self {
             Self::Lbp(lbp) => lbp.check(),
             Self::CsLbp(cs_lbp) => cs_lbp.check(),
+            Self::Surf(_) => Ok(()),
         }
     }
+}
+
+/// Which way the rows of a region run round a keypoint without a direction: upright, or so that its columns
+/// lie along the radial direction.
+fn right_of(keypoint: &Keypoint, view: &View) -> (f32, f32) {
+    view.radial_direction(keypoint.x, keypoint.y).map_or((1.0, 0.0), |(down_x, down_y)| (down_y, -down_x))
 }
 
 /// What is wrong with parameters that all descriptors over circles and cells have, if anything.

@@ -1,8 +1,11 @@
 //! Keypoints: where a frame is described.
 
 mod fast;
+pub(crate) mod haar;
+mod surf;
 
 pub use fast::{Fast, FastThreshold};
+pub use surf::Surf;
 
 use crate::camera::View;
 use crate::image::Image;
@@ -37,6 +40,8 @@ impl Keypoint {
 pub enum Detector {
     /// FAST-9 corners.
     Fast(Fast),
+    /// Blobs by the fast Hessian of SURF.
+    Surf(Surf),
 }
 
 impl Default for Detector {
@@ -51,6 +56,24 @@ impl Detector {
     pub fn detect(&self, image: &Image, view: &View) -> Vec<Keypoint> {
         match self {
             Self::Fast(fast) => fast.detect(image, view),
+            Self::Surf(surf) => surf.detect(image, view),
         }
     }
+
+    /// What is wrong with the parameters, if anything.
+    pub fn check(&self) -> Result<(), String> {
+        match self {
+            Self::Fast(_) => Ok(()),
+            Self::Surf(surf) => surf.check(),
+        }
+    }
+}
+
+/// The `target` keypoints of largest response, ties to the first, row by row and from left to right.
+fn strongest(mut keypoints: Vec<Keypoint>, target: usize) -> Vec<Keypoint> {
+    let by_place = |a: &Keypoint, b: &Keypoint| a.y.total_cmp(&b.y).then(a.x.total_cmp(&b.x));
+    keypoints.sort_by(|a, b| b.response.total_cmp(&a.response).then_with(|| by_place(a, b)));
+    keypoints.truncate(target);
+    keypoints.sort_by(by_place);
+    keypoints
 }

@@ -4,7 +4,10 @@
 //! sent as PNG is the same image as one sent as JPEG.
 
 mod decode;
+mod integral;
 mod resize;
+
+pub use integral::Integral;
 
 /// What a decoder may be asked for by bytes of unknown origin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,7 +10,7 @@
 //! | 2 | [`camera`] | where pixels are valid |
 //! | 3 | [`detect`] | keypoints |
 //! | 4 | [`describe`] | keypoints to descriptors |
-//! | 5 | [`vocabulary`], [`svm`], [`folds`] | descriptors to bags of words, bags to probabilities |
+//! | 5 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
 //! | 6 | [`model`] | the whole pipeline: train, recognize, the file |
 //! | 7 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
 //! | 8 | [`validate`] | rates of a configuration over splits and seeds |
@@ -31,6 +31,7 @@ pub mod detect;
 
 pub mod describe;
 
+pub mod boost;
 pub mod folds;
 pub mod svm;
 pub mod vocabulary;

@@ -1,0 +1,34 @@
+//! Haar wavelets at any place of a frame: what SURF takes directions and descriptors from.
+
+use crate::camera::View;
+use crate::image::{Image, Integral};
+
+/// Haar wavelets over the valid region of a frame.
+pub(crate) struct HaarSampler<'a> {
+    integral: Integral,
+    view: &'a View,
+    /// See [`Integral::new`]; 0 where the frame's edges do not meet.
+    seam: usize,
+}
+
+impl<'a> HaarSampler<'a> {
+    /// For wavelets that reach at most `max_half` pixels from their center.
+    pub(crate) fn new(image: &Image, view: &'a View, max_half: usize) -> Self {
+        // Wavelets that reach further than the frame is high are in no valid region.
+        let seam = if view.wraps() { max_half.min(image.height()) + 2 } else { 0 };
+        Self { integral: Integral::new(image, seam), view, seam }
+    }
+
+    /// By how much the right half of the square round (x, y) is brighter than its left half, and the lower
+    /// half than the upper, in sums of gray values. The square reaches `half` pixels from its center. Zero
+    /// where it is not in the valid region.
+    pub(crate) fn response(&self, x: f32, y: f32, half: usize) -> (f32, f32) {
+        let x = if self.view.wraps() { x.rem_euclid(self.view.width() as f32) } else { x };
+        // Centers are rounded to the nearest corner of a pixel.
+        if !self.view.contains(x, y, half as f32 + 1.0) {
+            return (0.0, 0.0);
+        }
+        let (dx, dy) = self.integral.haar(x as usize + 1 + self.seam, y as usize + 1, half);
+        (dx as f32, dy as f32)
+    }
+}
