@@ -5,10 +5,12 @@ mod circle;
 mod cs_lbp;
 mod lbp;
 mod region;
+mod sift;
 
 pub use cs_lbp::CsLbp;
 pub use lbp::Lbp;
 pub use region::{Region, Weighting};
+pub use sift::SiftDescriptor;
 
 use crate::camera::View;
 use crate::detect::Keypoint;
@@ -24,6 +26,8 @@ pub enum Descriptor {
     Lbp(Lbp),
     /// Center-symmetric local binary patterns.
     CsLbp(CsLbp),
+    /// Histograms of gradients.
+    Sift(SiftDescriptor),
 }
 
 impl Default for Descriptor {
@@ -35,12 +39,25 @@ impl Default for Descriptor {
 impl Descriptor {
     /// One row of unit L2 length a keypoint, in their order.
     ///
-    /// Regions lie along the radial direction in frames of a mirror, upright in others. What lies outside
-    /// the valid region of `view` does not count.
+    /// Regions lie along the radial direction in frames of a mirror, upright in others; those of SIFT along
+    /// the direction of their keypoint, if it has one. What lies outside the valid region of `view` does not
+    /// count. A row without anything that counts is zero.
     pub fn describe(&self, image: &Image, keypoints: &[Keypoint], view: &View) -> Matrix {
         match self {
             Self::Lbp(lbp) => lbp.describe(image, keypoints, view),
             Self::CsLbp(cs_lbp) => cs_lbp.describe(image, keypoints, view),
+            Self::Sift(sift) => sift.describe(image, keypoints, view),
+        }
+    }
+
+    /// The square round a keypoint that is described: its side in pixels, and the unit vector down its left
+    /// edge.
+    pub fn square(&self, keypoint: &Keypoint, view: &View) -> (f32, (f32, f32)) {
+        let radial = || view.radial_direction(keypoint.x, keypoint.y).unwrap_or((0.0, 1.0));
+        match self {
+            Self::Lbp(lbp) => (lbp.region.side as f32, radial()),
+            Self::CsLbp(cs_lbp) => (cs_lbp.region.side as f32, radial()),
+            Self::Sift(sift) => sift.square(keypoint, view),
         }
     }
 
@@ -49,6 +66,7 @@ impl Descriptor {
         match self {
             Self::Lbp(lbp) => lbp.n_dimensions(),
             Self::CsLbp(cs_lbp) => cs_lbp.n_dimensions(),
+            Self::Sift(_) => SiftDescriptor::n_dimensions(),
         }
     }
 
@@ -57,6 +75,7 @@ impl Descriptor {
         match self {
             Self::Lbp(lbp) => lbp.check(),
             Self::CsLbp(cs_lbp) => cs_lbp.check(),
+            Self::Sift(sift) => sift.check(),
         }
     }
 }

@@ -1,12 +1,15 @@
 //! Keypoints: where a frame is described.
 
 mod fast;
+mod sift;
 
 pub use fast::{Fast, FastThreshold};
+pub use sift::Sift;
 
 use crate::camera::View;
 use crate::image::Image;
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 
 /// A point of a frame that is described.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,6 +40,8 @@ impl Keypoint {
 pub enum Detector {
     /// FAST-9 corners.
     Fast(Fast),
+    /// Extrema of differences of Gaussians.
+    Sift(Sift),
 }
 
 impl Default for Detector {
@@ -51,6 +56,36 @@ impl Detector {
     pub fn detect(&self, image: &Image, view: &View) -> Vec<Keypoint> {
         match self {
             Self::Fast(fast) => fast.detect(image, view),
+            Self::Sift(sift) => sift.detect(&sift.scale_space(image), view),
         }
     }
+
+    /// What is wrong with the parameters, if anything.
+    pub fn check(&self) -> Result<(), String> {
+        match self {
+            Self::Fast(_) => Ok(()),
+            Self::Sift(sift) => sift.check(),
+        }
+    }
+}
+
+/// What is wrong with a number of keypoints to keep, if anything.
+fn check_target(target: usize) -> Result<(), String> {
+    if !(1..=100_000).contains(&target) {
+        return Err(format!("a detector's target must be from 1 to 100000 keypoints, not {target}"));
+    }
+    Ok(())
+}
+
+/// The `target` keypoints of highest response, highest first, ties in reading order.
+fn keep_strongest(keypoints: &mut Vec<Keypoint>, target: usize) {
+    keypoints.sort_by(|a, b| b.response.total_cmp(&a.response).then_with(|| in_reading_order(a, b)));
+    keypoints.truncate(target);
+}
+
+/// Row by row, from left to right, from fine to coarse.
+fn in_reading_order(a: &Keypoint, b: &Keypoint) -> Ordering {
+    let angle = |keypoint: &Keypoint| keypoint.angle.unwrap_or(0.0);
+    let place = a.y.total_cmp(&b.y).then(a.x.total_cmp(&b.x));
+    place.then(a.scale.total_cmp(&b.scale)).then(angle(a).total_cmp(&angle(b)))
 }

@@ -3,7 +3,7 @@
 use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
 use crate::camera::{Camera, CameraKind, Projection};
-use crate::describe::{Descriptor, Region};
+use crate::describe::Descriptor;
 use crate::detect::Keypoint;
 use crate::image::Image;
 use crate::model::{Extractor, LoadedModel, Scratch};
@@ -105,11 +105,7 @@ fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
     let image = data::read_image(path)?;
     let features = Extractor::new(&config, camera.clone()).extract(&image, &mut Scratch::default());
     let working = image.shrink_to(config.longest_side).unwrap_or(image);
-    let region = match &config.descriptor {
-        Descriptor::Lbp(lbp) => lbp.region,
-        Descriptor::CsLbp(cs_lbp) => cs_lbp.region,
-    };
-    let picture = picture(&working, &camera, &features.keypoints, region);
+    let picture = picture(&working, &camera, &features.keypoints, &config.descriptor);
     let here = || path.with_extension("inspect.png").file_name().map(PathBuf::from).unwrap_or_default();
     let output = args.output.clone().unwrap_or_else(here);
     picture
@@ -128,7 +124,7 @@ fn projection(kind: CameraKind) -> anyhow::Result<Projection> {
 }
 
 /// The frame with its corners, the outlines of their regions, and a tint where nothing is detected.
-fn picture(image: &Image, camera: &Camera, keypoints: &[Keypoint], region: Region) -> RgbImage {
+fn picture(image: &Image, camera: &Camera, keypoints: &[Keypoint], descriptor: &Descriptor) -> RgbImage {
     let view = camera.view(image.width(), image.height());
     let mut picture = RgbImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
         let value = image.row(y as usize)[x as usize];
@@ -138,9 +134,9 @@ fn picture(image: &Image, camera: &Camera, keypoints: &[Keypoint], region: Regio
             Rgb(HIDDEN_TINT.0.map(|tint| tint / 2 + value / 4))
         }
     });
-    let half = region.side as f32 / 2.0;
     for keypoint in keypoints {
-        let (down_x, down_y) = view.radial_direction(keypoint.x, keypoint.y).unwrap_or((0.0, 1.0));
+        let (side, (down_x, down_y)) = descriptor.square(keypoint, &view);
+        let half = side / 2.0;
         let corner = |right: f32, down: f32| {
             let (right, down) = (right * half, down * half);
             (keypoint.x + right * down_y + down * down_x, keypoint.y - right * down_x + down * down_y)

@@ -107,6 +107,7 @@ impl Config {
         if !(0.0..=1.0).contains(&self.calibration.known_precision) {
             return Err("known_precision must be from 0 to 1".to_owned());
         }
+        self.detector.check()?;
         self.descriptor.check()?;
         let Representation::Bag(vocabulary) = &self.representation;
         vocabulary.check()

@@ -57,8 +57,23 @@ impl Extractor {
         let size = (scaled.width(), scaled.height());
         let same_size = scratch.view.take().filter(|view| (view.width(), view.height()) == size);
         let view = scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)));
-        let keypoints = self.detector.detect(scaled, view);
-        let descriptors = self.descriptor.describe(scaled, &keypoints, view);
+        let (keypoints, descriptors) = self.detect_and_describe(scaled, view);
         Features { keypoints, descriptors, scale: image.width() as f32 / scaled.width() as f32 }
+    }
+    fn detect_and_describe(&self, image: &Image, view: &View) -> (Vec<Keypoint>, Matrix) {
+        match (&self.detector, &self.descriptor) {
+            (Detector::Sift(detector), Descriptor::Sift(descriptor)) => {
+                // The costly part of both.
+                let space = detector.scale_space(image);
+                let keypoints = detector.detect(&space, view);
+                let descriptors = descriptor.describe_in(&space, &keypoints, view);
+                (keypoints, descriptors)
+            }
+            (detector, descriptor) => {
+                let keypoints = detector.detect(image, view);
+                let descriptors = descriptor.describe(image, &keypoints, view);
+                (keypoints, descriptors)
+            }
+        }
     }
 }
