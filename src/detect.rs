@@ -8,6 +8,7 @@ pub use sift::Sift;
 
 use crate::camera::View;
 use crate::image::Image;
+use crate::plane::ScaleSpace;
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
@@ -56,7 +57,11 @@ impl Detector {
     pub fn detect(&self, image: &Image, view: &View) -> Vec<Keypoint> {
         match self {
             Self::Fast(fast) => fast.detect(image, view),
-            Self::Sift(sift) => sift.detect(&sift.scale_space(image), view),
+            Self::Sift(sift) => {
+                let mut space = ScaleSpace::default();
+                space.build(image, sift.levels(), f32::INFINITY);
+                sift.detect(&space, view)
+            }
         }
     }
 
@@ -88,4 +93,18 @@ fn in_reading_order(a: &Keypoint, b: &Keypoint) -> Ordering {
     let angle = |keypoint: &Keypoint| keypoint.angle.unwrap_or(0.0);
     let place = a.y.total_cmp(&b.y).then(a.x.total_cmp(&b.x));
     place.then(a.scale.total_cmp(&b.scale)).then(angle(a).total_cmp(&angle(b)))
+}
+
+/// Calls `visit(x, mark)` for each mark of a row that is not 0, from left to right.
+fn for_each_marked(marks: &[u8], mut visit: impl FnMut(usize, u8)) {
+    // Most are 0: sixteen at a time are looked at first.
+    const BLOCK: usize = 16;
+    for (block_idx, block) in marks.chunks(BLOCK).enumerate() {
+        if <[u8; BLOCK]>::try_from(block).is_ok_and(|block| u128::from_ne_bytes(block) == 0) {
+            continue;
+        }
+        for (offset, &mark) in block.iter().enumerate().filter(|&(_, &mark)| mark != 0) {
+            visit(block_idx * BLOCK + offset, mark);
+        }
+    }
 }

@@ -11,8 +11,8 @@ use std::ops::Range;
 /// How many sigmas of a Gaussian are summed on each side.
 const KERNEL_REACH: f32 = 4.0;
 
-/// A plane of gray values from 0 (black) to 1 (white), row-major, at least 1 x 1.
-#[derive(Clone, Debug, PartialEq)]
+/// A plane of gray values from 0 (black) to 1 (white), row-major; empty until something is written to it.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Plane {
     width: usize,
     height: usize,
@@ -42,15 +42,15 @@ impl Plane {
         &self.values[y * self.width..][..self.width]
     }
 
-    /// Blurred by a Gaussian of `sigma` pixels; beyond the plane its border is repeated.
-    pub fn blurred(&self, sigma: f32) -> Self {
+    /// Blurs by a Gaussian of `sigma` pixels; beyond the plane its border is repeated.
+    pub fn blur_into(&self, sigma: f32, blurred: &mut Self) {
         let weights = gaussian(sigma);
         let radius = weights.len() - 1;
-        let mut values = vec![0.0; self.values.len()];
+        blurred.resize(self.width, self.height);
         // Down the columns into one row, from there along it: the row stays in the nearest cache.
         let mut padded = vec![0.0; self.width + 2 * radius];
         let mut rows = Vec::with_capacity(2 * radius + 1);
-        for (y, blurred) in values.chunks_exact_mut(self.width).enumerate() {
+        for (y, blurred) in blurred.values.chunks_exact_mut(self.width).enumerate() {
             rows.clear();
             rows.extend(
                 (y..=y + 2 * radius).map(|y| self.row(y.saturating_sub(radius).min(self.height - 1))),
@@ -61,15 +61,14 @@ impl Plane {
             padded[radius + self.width..].fill(last);
             simd::blur_row(&padded, &weights, blurred);
         }
-        Self { values, ..*self }
     }
 
     /// Twice as wide and high, by linear interpolation: pixel (x, y) is at (2 x, 2 y).
-    pub fn doubled(&self) -> Self {
+    pub fn double_into(&self, doubled: &mut Self) {
         let width = 2 * self.width;
-        let mut values = vec![0.0; width * 2 * self.height];
+        doubled.resize(width, 2 * self.height);
         let mut between = vec![0.0; self.width];
-        for (y, rows) in values.chunks_exact_mut(2 * width).enumerate() {
+        for (y, rows) in doubled.values.chunks_exact_mut(2 * width).enumerate() {
             let (even, odd) = rows.split_at_mut(width);
             let (row, next) = (self.row(y), self.row((y + 1).min(self.height - 1)));
             double_row(row, even);
@@ -78,21 +77,29 @@ impl Plane {
             }
             double_row(&between, odd);
         }
-        Self { width, height: 2 * self.height, values }
     }
 
-    /// Every other column of every other row; `None` for planes with less than two of either.
-    pub fn halved(&self) -> Option<Self> {
-        let (width, height) = (self.width / 2, self.height / 2);
-        let row = |y: usize| self.row(2 * y).iter().step_by(2).take(width).copied();
-        (width > 0 && height > 0).then(|| Self { width, height, values: (0..height).flat_map(row).collect() })
+    /// Every other column of every other row, from the first on.
+    pub fn halve_into(&self, halved: &mut Self) {
+        halved.resize(self.width.div_ceil(2), self.height.div_ceil(2));
+        for (y, row) in halved.values.chunks_exact_mut(halved.width).enumerate() {
+            row.iter_mut().zip(self.row(2 * y).chunks(2)).for_each(|(value, pair)| *value = pair[0]);
+        }
+    }
+
+    fn resize(&mut self, width: usize, height: usize) {
+        (self.width, self.height) = (width, height);
+        self.values.resize(width * height, 0.0);
     }
 }
 
 fn double_row(row: &[f32], doubled: &mut [f32]) {
-    let next = row.iter().skip(1).chain(row.last());
-    for ((pair, a), b) in doubled.chunks_exact_mut(2).zip(row).zip(next) {
-        pair.copy_from_slice(&[*a, (a + b) / 2.0]);
+    let (pairs, _) = doubled.as_chunks_mut::<2>();
+    for (pair, values) in pairs.iter_mut().zip(row.windows(2)) {
+        *pair = [values[0], (values[0] + values[1]) / 2.0];
+    }
+    if let (Some(last), Some(&value)) = (pairs.last_mut(), row.last()) {
+        *last = [value; 2];
     }
 }
 

@@ -73,7 +73,9 @@ impl SiftDescriptor {
         // Nearer to the level below the first one than to that.
         let doubled = finest < SIGMA * (-0.5 / N_LAYERS as f32).exp2();
         let levels = Levels { sigma: SIGMA, n_layers: N_LAYERS, doubled };
-        self.describe_in(&ScaleSpace::up_to(image, levels, coarsest), keypoints, view)
+        let mut space = ScaleSpace::default();
+        space.build(image, levels, coarsest);
+        self.describe_in(&space, keypoints, view)
     }
 
     /// See [`super::Descriptor::describe`], in the scale space that the keypoints were detected in.

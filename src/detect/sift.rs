@@ -7,7 +7,6 @@
 
 use super::{Keypoint, in_reading_order};
 use crate::camera::View;
-use crate::image::Image;
 use crate::plane::{Gradients, Levels, Location, Plane, ScaleSpace, gaussian_at};
 use crate::simd;
 use serde::{Deserialize, Serialize};
@@ -83,14 +82,13 @@ impl Sift {
         Ok(())
     }
 
-    /// The scale space that keypoints are looked for in.
-    pub fn scale_space(&self, image: &Image) -> ScaleSpace {
-        let levels = Levels { sigma: self.sigma, n_layers: self.n_layers, doubled: self.doubled };
-        ScaleSpace::new(image, levels)
+    /// Of the scale space that keypoints are looked for in.
+    pub fn levels(&self) -> Levels {
+        Levels { sigma: self.sigma, n_layers: self.n_layers, doubled: self.doubled }
     }
 
-    /// See [`super::Detector::detect`], in the [`Sift::scale_space`] of the image. The response is the
-    /// contrast.
+    /// See [`super::Detector::detect`], in the scale space of an image with all of [`Sift::levels`]. The
+    /// response is the contrast.
     pub fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
         let mut extrema = self.extrema(space);
         extrema.retain(|extremum| view.contains(extremum.x, extremum.y, REACH * extremum.scale));
@@ -123,10 +121,10 @@ impl Sift {
                 for y in 1..height.saturating_sub(1) {
                     let rows = [0, 1, 2, 3].map(|layer| [y - 1, y, y + 1].map(|y| layers[layer].row(y)));
                     simd::mark_extrema(&rows, threshold, &mut marks);
-                    for (x, _) in (1..).zip(&marks).filter(|&(_, &mark)| mark != 0) {
-                        let refined = self.refine(planes, [x, y, layer]);
-                        found.extend(refined.map(|refined| refined.keypoint(space, octave_idx)));
-                    }
+                    super::for_each_marked(&marks, |x, _| {
+                        let refined = self.refine(planes, [x + 1, y, layer]);
+                        found.extend(refined.map(|refined| refined.keypoint(self.levels(), octave_idx)));
+                    });
                 }
             }
         }
@@ -168,13 +166,13 @@ struct Refined {
 }
 
 impl Refined {
-    fn keypoint(&self, space: &ScaleSpace, octave_idx: usize) -> Keypoint {
-        let pixel = space.pixel(octave_idx);
+    fn keypoint(&self, levels: Levels, octave_idx: usize) -> Keypoint {
+        let pixel = levels.pixel(octave_idx);
         Keypoint {
             x: self.x * pixel,
             y: self.y * pixel,
             response: self.contrast,
-            scale: space.sigma(self.layer) * pixel,
+            scale: levels.sigma(self.layer) * pixel,
             angle: None,
         }
     }

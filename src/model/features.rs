@@ -6,6 +6,7 @@ use crate::describe::Descriptor;
 use crate::detect::{Detector, Keypoint};
 use crate::image::Image;
 use crate::matrix::Matrix;
+use crate::plane::ScaleSpace;
 
 /// Finds and describes keypoints as a model was configured to.
 #[derive(Clone, Debug)]
@@ -32,6 +33,8 @@ pub struct Features {
 pub struct Scratch {
     /// The valid region for the last frame's size.
     view: Option<View>,
+    /// Of the last frame, if it took one to describe it.
+    space: ScaleSpace,
 }
 
 impl Extractor {
@@ -57,16 +60,21 @@ impl Extractor {
         let size = (scaled.width(), scaled.height());
         let same_size = scratch.view.take().filter(|view| (view.width(), view.height()) == size);
         let view = scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)));
-        let (keypoints, descriptors) = self.detect_and_describe(scaled, view);
+        let (keypoints, descriptors) = self.detect_and_describe(scaled, view, &mut scratch.space);
         Features { keypoints, descriptors, scale: image.width() as f32 / scaled.width() as f32 }
     }
-    fn detect_and_describe(&self, image: &Image, view: &View) -> (Vec<Keypoint>, Matrix) {
+    fn detect_and_describe(
+        &self,
+        image: &Image,
+        view: &View,
+        space: &mut ScaleSpace,
+    ) -> (Vec<Keypoint>, Matrix) {
         match (&self.detector, &self.descriptor) {
             (Detector::Sift(detector), Descriptor::Sift(descriptor)) => {
-                // The costly part of both.
-                let space = detector.scale_space(image);
-                let keypoints = detector.detect(&space, view);
-                let descriptors = descriptor.describe_in(&space, &keypoints, view);
+                // The costly part of both: built once.
+                space.build(image, detector.levels(), f32::INFINITY);
+                let keypoints = detector.detect(space, view);
+                let descriptors = descriptor.describe_in(space, &keypoints, view);
                 (keypoints, descriptors)
             }
             (detector, descriptor) => {

@@ -15,7 +15,7 @@ const CAMERA_SIGMA: f32 = 0.5;
 const MIN_SIDE: usize = 12;
 
 /// The levels of a scale space.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Levels {
     /// The sigma of the first plane of each octave, in pixels of the octave.
     pub sigma: f32,
@@ -23,6 +23,25 @@ pub struct Levels {
     pub n_layers: usize,
     /// Whether the first octave is of twice the image's size.
     pub doubled: bool,
+}
+
+impl Levels {
+    /// The sigma of a layer in pixels of its octave; layers may lie between planes.
+    pub fn sigma(&self, layer: f32) -> f32 {
+        self.sigma * (layer / self.n_layers as f32).exp2()
+    }
+
+    /// The size of a pixel of an octave in pixels of the image.
+    pub fn pixel(&self, octave_idx: usize) -> f32 {
+        let first = if self.doubled { 0.5 } else { 1.0 };
+        first * (octave_idx as f32).exp2()
+    }
+
+    /// The level, counted from the first plane of the first octave, whose sigma is nearest to `scale` pixels
+    /// of the image; below 0 for smaller ones.
+    fn nearest(&self, scale: f32) -> f32 {
+        ((scale / (self.pixel(0) * self.sigma)).log2() * self.n_layers as f32).round()
+    }
 }
 
 /// Where a point of an image is in its scale space.
@@ -53,45 +72,52 @@ impl Location<'_> {
     }
 }
 
-/// An image blurred more and more.
-#[derive(Clone, Debug)]
+/// An image blurred more and more. The memory is used again for the next one.
+#[derive(Clone, Debug, Default)]
 pub struct ScaleSpace {
     levels: Levels,
+    doubled: Plane,
     octaves: Vec<Vec<Plane>>,
 }
 
 impl ScaleSpace {
-    /// All levels down to octaves of a few pixels.
-    pub fn new(image: &Image, levels: Levels) -> Self {
-        Self::up_to(image, levels, f32::INFINITY)
-    }
-
-    /// The levels that points of a sigma of at most `coarsest` pixels are at.
-    pub fn up_to(image: &Image, levels: Levels, coarsest: f32) -> Self {
+    /// Replaces it by that of `image`: the levels that points of a sigma of at most `coarsest` pixels are at,
+    /// down to octaves of a few pixels.
+    pub fn build(&mut self, image: &Image, levels: Levels, coarsest: f32) {
+        self.levels = levels;
         let plane = Plane::from(image);
-        let (plane, blurred) =
-            if levels.doubled { (plane.doubled(), 2.0 * CAMERA_SIGMA) } else { (plane, CAMERA_SIGMA) };
-        let mut first = plane.blurred(missing_sigma(blurred, levels.sigma));
-        let mut space = Self { levels, octaves: Vec::new() };
+        let (base, blurred) = if levels.doubled {
+            plane.double_into(&mut self.doubled);
+            (&self.doubled, 2.0 * CAMERA_SIGMA)
+        } else {
+            (&plane, CAMERA_SIGMA)
+        };
         // What the cast cannot hold is the largest number: all levels.
-        let last_level = space.level(coarsest).max(0.0) as usize;
+        let last_level = levels.nearest(coarsest).max(0.0) as usize;
+        let mut n_octaves = 0;
         loop {
-            let first_level = space.octaves.len() * levels.n_layers;
-            let n_planes =
-                last_level.saturating_add(1).saturating_sub(first_level).clamp(1, levels.n_layers + 3);
-            let octave = space.octave(first, n_planes);
-            let next = octave.get(levels.n_layers).and_then(Plane::halved);
-            space.octaves.push(octave);
-            match next {
-                Some(next) if next.width.min(next.height) >= MIN_SIDE => first = next,
-                _ => return space,
+            let n_planes = last_level.saturating_add(1).saturating_sub(n_octaves * levels.n_layers);
+            self.octaves.resize_with(self.octaves.len().max(n_octaves + 1), Vec::new);
+            let (finer, rest) = self.octaves.split_at_mut(n_octaves);
+            let planes = &mut rest[0];
+            planes.resize_with(n_planes.clamp(1, levels.n_layers + 3), Plane::default);
+            match finer.last() {
+                None => base.blur_into(missing_sigma(blurred, levels.sigma), &mut planes[0]),
+                Some(finer) => finer[levels.n_layers].halve_into(&mut planes[0]),
+            }
+            for layer in 1..planes.len() {
+                let (previous, next) = planes.split_at_mut(layer);
+                let [from, to] = [layer - 1, layer].map(|layer| levels.sigma(layer as f32));
+                previous[layer - 1].blur_into(missing_sigma(from, to), &mut next[0]);
+            }
+            let side = planes[0].width.min(planes[0].height);
+            let has_next = planes.len() > levels.n_layers && side >= 2 * MIN_SIDE;
+            n_octaves += 1;
+            if !has_next {
+                break;
             }
         }
-    }
-
-    /// Its levels.
-    pub fn levels(&self) -> Levels {
-        self.levels
+        self.octaves.truncate(n_octaves);
     }
 
     /// The planes of each octave.
@@ -99,47 +125,17 @@ impl ScaleSpace {
         &self.octaves
     }
 
-    /// The size of a pixel of an octave in pixels of the image.
-    pub fn pixel(&self, octave_idx: usize) -> f32 {
-        let first = if self.levels.doubled { 0.5 } else { 1.0 };
-        first * (octave_idx as f32).exp2()
-    }
-
-    /// The sigma of a layer in pixels of its octave; layers may lie between planes.
-    pub fn sigma(&self, layer: f32) -> f32 {
-        self.levels.sigma * (layer / self.levels.n_layers as f32).exp2()
-    }
-
     /// Where the image's point (x, y) of sigma `scale` is: in the plane of the nearest sigma, or the last
     /// that there is.
     pub fn locate(&self, (x, y): (f32, f32), scale: f32) -> Location<'_> {
         let n_layers = self.levels.n_layers;
-        let level = self.level(scale).max(0.0) as usize;
+        let level = self.levels.nearest(scale).max(0.0) as usize;
         // Of an octave, extrema are found in the layers 1 to n_layers.
         let octave_idx = (level.saturating_sub(1) / n_layers).min(self.octaves.len() - 1);
         let octave = &self.octaves[octave_idx];
         let plane = &octave[(level - octave_idx * n_layers).min(octave.len() - 1)];
-        let pixel = self.pixel(octave_idx);
+        let pixel = self.levels.pixel(octave_idx);
         Location { plane, x: x / pixel, y: y / pixel, scale: scale / pixel, pixel }
-    }
-
-    /// The level, counted from the first plane of the first octave, whose sigma is nearest to `scale` pixels
-    /// of the image.
-    fn level(&self, scale: f32) -> f32 {
-        ((scale / (self.pixel(0) * self.levels.sigma)).log2() * self.levels.n_layers as f32).round()
-    }
-
-    fn octave(&self, first: Plane, n_planes: usize) -> Vec<Plane> {
-        let mut planes = Vec::with_capacity(n_planes);
-        let mut previous = first;
-        for layer in 1..n_planes {
-            let (from, to) = (self.sigma(layer as f32 - 1.0), self.sigma(layer as f32));
-            let next = previous.blurred(missing_sigma(from, to));
-            planes.push(previous);
-            previous = next;
-        }
-        planes.push(previous);
-        planes
     }
 }
 
