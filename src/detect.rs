@@ -1,14 +1,16 @@
 //! Keypoints: where a frame is described.
 
 mod fast;
+mod harris_laplace;
 mod sift;
 
 pub use fast::{Fast, FastThreshold};
+pub use harris_laplace::HarrisLaplace;
 pub use sift::Sift;
 
 use crate::camera::View;
 use crate::image::Image;
-use crate::plane::ScaleSpace;
+use crate::plane::{Levels, ScaleSpace};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
@@ -43,6 +45,8 @@ pub enum Detector {
     Fast(Fast),
     /// Extrema of differences of Gaussians.
     Sift(Sift),
+    /// Corners at their own scale.
+    HarrisLaplace(HarrisLaplace),
 }
 
 impl Default for Detector {
@@ -57,11 +61,8 @@ impl Detector {
     pub fn detect(&self, image: &Image, view: &View) -> Vec<Keypoint> {
         match self {
             Self::Fast(fast) => fast.detect(image, view),
-            Self::Sift(sift) => {
-                let mut space = ScaleSpace::default();
-                space.build(image, sift.levels(), f32::INFINITY);
-                sift.detect(&space, view)
-            }
+            Self::Sift(sift) => sift.detect(&scale_space(image, sift.levels()), view),
+            Self::HarrisLaplace(harris) => harris.detect(&scale_space(image, harris.levels()), view),
         }
     }
 
@@ -70,8 +71,15 @@ impl Detector {
         match self {
             Self::Fast(_) => Ok(()),
             Self::Sift(sift) => sift.check(),
+            Self::HarrisLaplace(harris) => harris.check(),
         }
     }
+}
+
+fn scale_space(image: &Image, levels: Levels) -> ScaleSpace {
+    let mut space = ScaleSpace::default();
+    space.build(image, levels, f32::INFINITY);
+    space
 }
 
 /// What is wrong with a number of keypoints to keep, if anything.

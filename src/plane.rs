@@ -42,6 +42,11 @@ impl Plane {
         &self.values[y * self.width..][..self.width]
     }
 
+    /// The values of row `y`, to write to. Panics when there is no such row.
+    pub fn row_mut(&mut self, y: usize) -> &mut [f32] {
+        &mut self.values[y * self.width..][..self.width]
+    }
+
     /// Blurs by a Gaussian of `sigma` pixels; beyond the plane its border is repeated.
     pub fn blur_into(&self, sigma: f32, blurred: &mut Self) {
         let weights = gaussian(sigma);
@@ -87,7 +92,8 @@ impl Plane {
         }
     }
 
-    fn resize(&mut self, width: usize, height: usize) {
+    /// Makes it another size. What it then holds means nothing until it is written to.
+    pub fn resize(&mut self, width: usize, height: usize) {
         (self.width, self.height) = (width, height);
         self.values.resize(width * height, 0.0);
     }

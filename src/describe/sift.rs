@@ -170,7 +170,7 @@ impl Square {
             let (a, b) = ((-1.0 - start) / step, (N_CELLS as f32 - start) / step);
             span = (f32::max(span.0, a.min(b)), f32::min(span.1, a.max(b)));
         }
-        let column = |offset: f32| (columns.start + offset.ceil() as usize).min(columns.end);
+        let column = |offset: f32| columns.start + (offset.ceil() as usize).min(columns.len());
         column(span.0)..column(span.1)
     }
 

@@ -5,7 +5,7 @@
 //! (equation 3), without those of low contrast and on edges (section 4.1), each with the peaks of a histogram
 //! of the gradients round it as directions (section 5). Gray values run from 0 to 1.
 
-use super::{Keypoint, in_reading_order};
+use super::{Keypoint, for_each_marked, in_reading_order, keep_strongest};
 use crate::camera::View;
 use crate::plane::{Gradients, Levels, Location, Plane, ScaleSpace, gaussian_at};
 use crate::simd;
@@ -92,7 +92,7 @@ impl Sift {
     pub fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
         let mut extrema = self.extrema(space);
         extrema.retain(|extremum| view.contains(extremum.x, extremum.y, REACH * extremum.scale));
-        super::keep_strongest(&mut extrema, self.target);
+        keep_strongest(&mut extrema, self.target);
         // Neighbors may have come to rest at the same place; they have the same response.
         extrema.dedup();
         let mut gradients = Gradients::default();
@@ -121,7 +121,7 @@ impl Sift {
                 for y in 1..height.saturating_sub(1) {
                     let rows = [0, 1, 2, 3].map(|layer| [y - 1, y, y + 1].map(|y| layers[layer].row(y)));
                     simd::mark_extrema(&rows, threshold, &mut marks);
-                    super::for_each_marked(&marks, |x, _| {
+                    for_each_marked(&marks, |x, _| {
                         let refined = self.refine(planes, [x + 1, y, layer]);
                         found.extend(refined.map(|refined| refined.keypoint(self.levels(), octave_idx)));
                     });

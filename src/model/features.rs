@@ -63,25 +63,31 @@ impl Extractor {
         let (keypoints, descriptors) = self.detect_and_describe(scaled, view, &mut scratch.space);
         Features { keypoints, descriptors, scale: image.width() as f32 / scaled.width() as f32 }
     }
+    /// SIFT describes in the scale space that keypoints were detected in, if they were: it is the costly part
+    /// of both.
     fn detect_and_describe(
         &self,
         image: &Image,
         view: &View,
         space: &mut ScaleSpace,
     ) -> (Vec<Keypoint>, Matrix) {
+        let (keypoints, descriptors);
         match (&self.detector, &self.descriptor) {
             (Detector::Sift(detector), Descriptor::Sift(descriptor)) => {
-                // The costly part of both: built once.
                 space.build(image, detector.levels(), f32::INFINITY);
-                let keypoints = detector.detect(space, view);
-                let descriptors = descriptor.describe_in(space, &keypoints, view);
-                (keypoints, descriptors)
+                keypoints = detector.detect(space, view);
+                descriptors = descriptor.describe_in(space, &keypoints, view);
+            }
+            (Detector::HarrisLaplace(detector), Descriptor::Sift(descriptor)) => {
+                space.build(image, detector.levels(), f32::INFINITY);
+                keypoints = detector.detect(space, view);
+                descriptors = descriptor.describe_in(space, &keypoints, view);
             }
             (detector, descriptor) => {
-                let keypoints = detector.detect(image, view);
-                let descriptors = descriptor.describe(image, &keypoints, view);
-                (keypoints, descriptors)
+                keypoints = detector.detect(image, view);
+                descriptors = descriptor.describe(image, &keypoints, view);
             }
         }
+        (keypoints, descriptors)
     }
 }
