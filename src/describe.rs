@@ -5,11 +5,13 @@ mod circle;
 mod cs_lbp;
 mod lbp;
 mod region;
+mod sift;
 mod surf;
 
 pub use cs_lbp::CsLbp;
 pub use lbp::Lbp;
 pub use region::{Region, Weighting};
+pub use sift::SiftDescriptor;
 pub use surf::SurfDescriptor;
 
 use crate::camera::View;
@@ -26,6 +28,8 @@ pub enum Descriptor {
     Lbp(Lbp),
     /// Center-symmetric local binary patterns.
     CsLbp(CsLbp),
+    /// Histograms of gradients.
+    Sift(SiftDescriptor),
     /// Sums of Haar responses, as in SURF.
     Surf(SurfDescriptor),
 }
@@ -39,13 +43,14 @@ impl Default for Descriptor {
 impl Descriptor {
     /// One row of unit L2 length a keypoint, in their order.
     ///
-    /// Regions lie along the radial direction in frames of a mirror, upright in others; those of SURF lie
-    /// along the keypoint's own direction if it has one. What lies outside the valid region of `view` does
-    /// not count.
+    /// Regions lie along the radial direction in frames of a mirror, upright in others; those of SIFT and SURF
+    /// along the direction of their keypoint, if it has one. What lies outside the valid region of `view`
+    /// does not count. A row without anything that counts is zero.
     pub fn describe(&self, image: &Image, keypoints: &[Keypoint], view: &View) -> Matrix {
         match self {
             Self::Lbp(lbp) => lbp.describe(image, keypoints, view),
             Self::CsLbp(cs_lbp) => cs_lbp.describe(image, keypoints, view),
+            Self::Sift(sift) => sift.describe(image, keypoints, view),
             Self::Surf(surf) => surf.describe(image, keypoints, view),
         }
     }
@@ -55,6 +60,7 @@ impl Descriptor {
         let (half, right) = match self {
             Self::Lbp(lbp) => (lbp.region.side as f32 / 2.0, right_of(keypoint, view)),
             Self::CsLbp(cs_lbp) => (cs_lbp.region.side as f32 / 2.0, right_of(keypoint, view)),
+            Self::Sift(sift) => sift.square(keypoint, view),
             Self::Surf(_) => SurfDescriptor::square(keypoint, view),
         };
         [(-half, -half), (half, -half), (half, half), (-half, half)].map(|(along, across)| {
@@ -67,6 +73,7 @@ impl Descriptor {
         match self {
             Self::Lbp(lbp) => lbp.n_dimensions(),
             Self::CsLbp(cs_lbp) => cs_lbp.n_dimensions(),
+            Self::Sift(_) => SiftDescriptor::n_dimensions(),
             Self::Surf(surf) => surf.n_dimensions(),
         }
     }
@@ -76,6 +83,7 @@ impl Descriptor {
         match self {
             Self::Lbp(lbp) => lbp.check(),
             Self::CsLbp(cs_lbp) => cs_lbp.check(),
+            Self::Sift(sift) => sift.check(),
             Self::Surf(_) => Ok(()),
         }
     }

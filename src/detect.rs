@@ -2,14 +2,20 @@
 
 mod fast;
 pub(crate) mod haar;
+mod harris_laplace;
+mod sift;
 mod surf;
 
 pub use fast::{Fast, FastThreshold};
+pub use harris_laplace::HarrisLaplace;
+pub use sift::Sift;
 pub use surf::Surf;
 
 use crate::camera::View;
 use crate::image::Image;
+use crate::plane::{Levels, ScaleSpace};
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 
 /// A point of a frame that is described.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,6 +48,10 @@ pub enum Detector {
     Fast(Fast),
     /// Blobs by the fast Hessian of SURF.
     Surf(Surf),
+    /// Extrema of differences of Gaussians.
+    Sift(Sift),
+    /// Corners at their own scale.
+    HarrisLaplace(HarrisLaplace),
 }
 
 impl Default for Detector {
@@ -57,6 +67,8 @@ impl Detector {
         match self {
             Self::Fast(fast) => fast.detect(image, view),
             Self::Surf(surf) => surf.detect(image, view),
+            Self::Sift(sift) => sift.detect(&scale_space(image, sift.levels()), view),
+            Self::HarrisLaplace(harris) => harris.detect(&scale_space(image, harris.levels()), view),
         }
     }
 
@@ -65,15 +77,49 @@ impl Detector {
         match self {
             Self::Fast(_) => Ok(()),
             Self::Surf(surf) => surf.check(),
+            Self::Sift(sift) => sift.check(),
+            Self::HarrisLaplace(harris) => harris.check(),
         }
     }
 }
 
-/// The `target` keypoints of largest response, ties to the first, row by row and from left to right.
-fn strongest(mut keypoints: Vec<Keypoint>, target: usize) -> Vec<Keypoint> {
-    let by_place = |a: &Keypoint, b: &Keypoint| a.y.total_cmp(&b.y).then(a.x.total_cmp(&b.x));
-    keypoints.sort_by(|a, b| b.response.total_cmp(&a.response).then_with(|| by_place(a, b)));
+fn scale_space(image: &Image, levels: Levels) -> ScaleSpace {
+    let mut space = ScaleSpace::default();
+    space.build(image, levels, f32::INFINITY);
+    space
+}
+
+/// What is wrong with a number of keypoints to keep, if anything.
+fn check_target(target: usize) -> Result<(), String> {
+    if !(1..=100_000).contains(&target) {
+        return Err(format!("a detector's target must be from 1 to 100000 keypoints, not {target}"));
+    }
+    Ok(())
+}
+
+/// The `target` keypoints of highest response, highest first, ties in reading order.
+fn keep_strongest(keypoints: &mut Vec<Keypoint>, target: usize) {
+    keypoints.sort_by(|a, b| b.response.total_cmp(&a.response).then_with(|| in_reading_order(a, b)));
     keypoints.truncate(target);
-    keypoints.sort_by(by_place);
-    keypoints
+}
+
+/// Row by row, from left to right, from fine to coarse.
+fn in_reading_order(a: &Keypoint, b: &Keypoint) -> Ordering {
+    let angle = |keypoint: &Keypoint| keypoint.angle.unwrap_or(0.0);
+    let place = a.y.total_cmp(&b.y).then(a.x.total_cmp(&b.x));
+    place.then(a.scale.total_cmp(&b.scale)).then(angle(a).total_cmp(&angle(b)))
+}
+
+/// Calls `visit(x, mark)` for each mark of a row that is not 0, from left to right.
+fn for_each_marked(marks: &[u8], mut visit: impl FnMut(usize, u8)) {
+    // Most are 0: sixteen at a time are looked at first.
+    const BLOCK: usize = 16;
+    for (block_idx, block) in marks.chunks(BLOCK).enumerate() {
+        if <[u8; BLOCK]>::try_from(block).is_ok_and(|block| u128::from_ne_bytes(block) == 0) {
+            continue;
+        }
+        for (offset, &mark) in block.iter().enumerate().filter(|&(_, &mark)| mark != 0) {
+            visit(block_idx * BLOCK + offset, mark);
+        }
+    }
 }

@@ -7,7 +7,7 @@
 //! | group | modules | what |
 //! |---|---|---|
 //! | 1 | [`matrix`], [`image`], [`simd`] | rows of numbers, pixels, fast loops over them |
-//! | 2 | [`camera`] | where pixels are valid |
+//! | 2 | [`camera`], [`plane`] | where pixels are valid; gray values at many scales |
 //! | 3 | [`detect`] | keypoints |
 //! | 4 | [`describe`] | keypoints to descriptors |
 //! | 5 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
@@ -26,6 +26,7 @@ pub mod matrix;
 pub mod simd;
 
 pub mod camera;
+pub mod plane;
 
 pub mod detect;
 

@@ -1,9 +1,10 @@
 //! The inner loops, compiled once for any CPU, once for AVX2 and once for AVX-512.
 //!
 //! Each kernel is written once, in plain Rust over fixed-width blocks that the compiler turns into vector
-//! instructions. They compute with whole numbers, or with floats one operation at a time in a fixed
-//! order, so every version gives the same bits and a model answers the same on every CPU. The only unsafe code of the project is here: calling a version once the
-//! CPU is known to have its instructions.
+//! instructions. They compute with whole numbers, or with floats that are never summed in another order nor
+//! multiplied and added in one step, so every version gives the same bits and a model answers the same on
+//! every CPU. The only unsafe code of the project is here: calling a version once the CPU is known to have its
+//! instructions.
 
 // Calling a function compiled for more than the baseline instruction set is unsafe; see above.
 #![allow(unsafe_code)]
@@ -12,6 +13,7 @@ mod fast;
 mod hessian;
 mod nearest;
 mod pattern;
+mod plane;
 
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
@@ -19,6 +21,7 @@ pub use nearest::{ONE_PRODUCT, UnitColumns, UnitRows, largest_products, nearest_
 pub use pattern::{
     CODE_BLOCK, COUNT_BLOCK, GRID_BLOCK, Grid, Taps, count_codes, interpolate_grid, mark_brighter,
 };
+pub use plane::{blur_columns, blur_row, gradients, mark_extrema};
 
 /// Defines `$name` as `$kernel`, compiled for the widest vectors that the CPU has.
 macro_rules! dispatch {

@@ -243,7 +243,7 @@ mod tests {
         let error = |parameter: &str| format!("{:#}", read(&[parameter]).unwrap_err());
         assert!(error("representation.n_wrods=50").contains("n_wrods"));
         assert!(error("seed").contains("NAME=VALUE"));
-        assert!(error("descriptor.kind=sift").contains("sift"));
+        assert!(error("descriptor.kind=surf").contains("surf"));
         assert!(error("representation.n_words=0").contains("words"));
     }
 }

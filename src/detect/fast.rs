@@ -7,7 +7,7 @@
 //! Instead of the paper's decision tree, opposite pairs of circle pixels are tested for many pixels at once
 //! (an arc of 9 holds at least one of each pair); the few that pass get the full test.
 
-use super::Keypoint;
+use super::{Keypoint, for_each_marked};
 use crate::camera::View;
 use crate::image::Image;
 use crate::simd;
@@ -140,7 +140,7 @@ fn scored_corners(image: &Image, threshold: u8) -> Vec<Keypoint> {
             current.fill(0);
         }
         let [above, middle, below] = [y - 2, y - 1, y].map(|y| &strengths[y % 3][..]);
-        for_each_corner(middle, |x, strength| {
+        for_each_marked(middle, |x, strength| {
             let is_largest =
                 [above, below].iter().all(|row| row[x - 1..=x + 1].iter().all(|&s| s < strength))
                     && middle[x - 1] < strength
@@ -151,20 +151,6 @@ fn scored_corners(image: &Image, threshold: u8) -> Vec<Keypoint> {
         });
     }
     found
-}
-
-/// Calls `visit(x, strength)` for each pixel of a row that has a strength, from left to right.
-fn for_each_corner(strengths: &[u8], mut visit: impl FnMut(usize, u8)) {
-    // Most have none: sixteen at a time are looked at first.
-    const BLOCK: usize = 16;
-    for (block_idx, block) in strengths.chunks(BLOCK).enumerate() {
-        if <[u8; BLOCK]>::try_from(block).is_ok_and(|block| u128::from_ne_bytes(block) == 0) {
-            continue;
-        }
-        for (offset, &strength) in block.iter().enumerate().filter(|&(_, &strength)| strength != 0) {
-            visit(block_idx * BLOCK + offset, strength);
-        }
-    }
 }
 
 #[cfg(test)]

@@ -11,7 +11,7 @@
 mod hessian;
 
 use super::haar::HaarSampler;
-use super::{Keypoint, strongest};
+use super::{Keypoint, check_target, in_reading_order, keep_strongest};
 use crate::camera::View;
 use crate::image::{Image, Integral};
 use hessian::Octave;
@@ -64,7 +64,7 @@ impl Surf {
         if !(3..=6).contains(&self.n_layers) {
             return Err(format!("a SURF octave has 3 to 6 layers, not {}", self.n_layers));
         }
-        Ok(())
+        check_target(self.target)
     }
 
     /// See [`super::Detector::detect`]. The response is the determinant.
@@ -86,7 +86,8 @@ impl Surf {
                 }
             });
         }
-        let mut keypoints = strongest(keypoints, self.target);
+        keep_strongest(&mut keypoints, self.target);
+        keypoints.sort_by(in_reading_order);
         if !self.upright {
             direct(&mut keypoints, image, view);
         }

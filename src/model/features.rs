@@ -6,6 +6,7 @@ use crate::describe::Descriptor;
 use crate::detect::{Detector, Keypoint};
 use crate::image::Image;
 use crate::matrix::Matrix;
+use crate::plane::ScaleSpace;
 
 /// Finds and describes keypoints as a model was configured to.
 #[derive(Clone, Debug)]
@@ -32,6 +33,8 @@ pub struct Features {
 pub struct Scratch {
     /// The valid region for the last frame's size.
     view: Option<View>,
+    /// Of the last frame, if it took one to describe it.
+    space: ScaleSpace,
 }
 
 impl Extractor {
@@ -57,8 +60,34 @@ impl Extractor {
         let size = (scaled.width(), scaled.height());
         let same_size = scratch.view.take().filter(|view| (view.width(), view.height()) == size);
         let view = scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)));
-        let keypoints = self.detector.detect(scaled, view);
-        let descriptors = self.descriptor.describe(scaled, &keypoints, view);
+        let (keypoints, descriptors) = self.detect_and_describe(scaled, view, &mut scratch.space);
         Features { keypoints, descriptors, scale: image.width() as f32 / scaled.width() as f32 }
+    }
+    /// SIFT describes in the scale space that keypoints were detected in, if they were: it is the costly part
+    /// of both.
+    fn detect_and_describe(
+        &self,
+        image: &Image,
+        view: &View,
+        space: &mut ScaleSpace,
+    ) -> (Vec<Keypoint>, Matrix) {
+        let (keypoints, descriptors);
+        match (&self.detector, &self.descriptor) {
+            (Detector::Sift(detector), Descriptor::Sift(descriptor)) => {
+                space.build(image, detector.levels(), f32::INFINITY);
+                keypoints = detector.detect(space, view);
+                descriptors = descriptor.describe_in(space, &keypoints, view);
+            }
+            (Detector::HarrisLaplace(detector), Descriptor::Sift(descriptor)) => {
+                space.build(image, detector.levels(), f32::INFINITY);
+                keypoints = detector.detect(space, view);
+                descriptors = descriptor.describe_in(space, &keypoints, view);
+            }
+            (detector, descriptor) => {
+                keypoints = detector.detect(image, view);
+                descriptors = descriptor.describe(image, &keypoints, view);
+            }
+        }
+        (keypoints, descriptors)
     }
 }

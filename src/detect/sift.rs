@@ -1,0 +1,284 @@
+//! SIFT keypoints: Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 60(2), 2004,
+//! sections 3 to 5.
+//!
+//! Extrema of the differences of Gaussians in place and scale, refined to a fraction of a pixel and level
+//! (equation 3), without those of low contrast and on edges (section 4.1), each with the peaks of a histogram
+//! of the gradients round it as directions (section 5). Gray values run from 0 to 1.
+
+use super::{Keypoint, for_each_marked, in_reading_order, keep_strongest};
+use crate::camera::View;
+use crate::plane::{Gradients, Levels, Location, Plane, ScaleSpace, gaussian_at};
+use crate::simd;
+use serde::{Deserialize, Serialize};
+
+/// The surroundings that must be valid, in sigmas.
+const REACH: f32 = 2.0;
+
+/// An extremum is given up when it has not come to rest after so many steps.
+const MAX_STEPS: usize = 5;
+
+/// Bins of the histogram of directions.
+const N_DIRECTIONS: usize = 36;
+
+/// Peaks at least this high, compared with the highest, are directions too.
+const PEAK_SHARE: f32 = 0.8;
+
+/// The sigma of the window of that histogram, in sigmas of the keypoint.
+const DIRECTION_SIGMA: f32 = 1.5;
+
+/// The SIFT detector.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Sift {
+    /// How many of highest response to keep.
+    pub target: usize,
+    /// Levels an octave that extrema are looked for in, from 1 to 8.
+    pub n_layers: usize,
+    /// The sigma of the first level of each octave in its pixels, from 1 to 4.
+    pub sigma: f32,
+    /// The least contrast, as a share of the gray range; divided by the number of layers.
+    pub contrast_threshold: f32,
+    /// The most that one principal curvature may be of the other, at least 1.
+    pub edge_threshold: f32,
+    /// Whether small features are looked for in an image of twice the size: about four times the keypoints
+    /// for four times the time.
+    pub doubled: bool,
+}
+
+impl Default for Sift {
+    fn default() -> Self {
+        Self {
+            target: 300,
+            n_layers: 3,
+            sigma: 1.6,
+            contrast_threshold: 0.04,
+            edge_threshold: 10.0,
+            doubled: true,
+        }
+    }
+}
+
+impl Sift {
+    pub(super) fn check(&self) -> Result<(), String> {
+        super::check_target(self.target)?;
+        if !(1..=8).contains(&self.n_layers) {
+            return Err(format!("SIFT takes 1 to 8 layers an octave, not {}", self.n_layers));
+        }
+        if !(1.0..=4.0).contains(&self.sigma) {
+            return Err(format!("the sigma of SIFT must be from 1 to 4 pixels, not {}", self.sigma));
+        }
+        if !(0.0..1.0).contains(&self.contrast_threshold) {
+            return Err(format!(
+                "the contrast_threshold of SIFT must be from 0 to 1, not {}",
+                self.contrast_threshold
+            ));
+        }
+        if !(1.0..=1000.0).contains(&self.edge_threshold) {
+            return Err(format!(
+                "the edge_threshold of SIFT must be from 1 to 1000, not {}",
+                self.edge_threshold
+            ));
+        }
+        Ok(())
+    }
+
+    /// Of the scale space that keypoints are looked for in.
+    pub fn levels(&self) -> Levels {
+        Levels { sigma: self.sigma, n_layers: self.n_layers, doubled: self.doubled }
+    }
+
+    /// See [`super::Detector::detect`], in the scale space of an image with all of [`Sift::levels`]. The
+    /// response is the contrast.
+    pub fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
+        let mut extrema = self.extrema(space);
+        extrema.retain(|extremum| view.contains(extremum.x, extremum.y, REACH * extremum.scale));
+        keep_strongest(&mut extrema, self.target);
+        // Neighbors may have come to rest at the same place; they have the same response.
+        extrema.dedup();
+        let mut gradients = Gradients::default();
+        let mut keypoints = Vec::with_capacity(self.target);
+        for extremum in extrema {
+            let location = space.locate((extremum.x, extremum.y), extremum.scale);
+            let histogram = direction_histogram(&location, &mut gradients);
+            keypoints
+                .extend(peaks(&histogram).map(|direction| Keypoint { angle: Some(direction), ..extremum }));
+        }
+        keypoints.truncate(self.target);
+        keypoints.sort_by(in_reading_order);
+        keypoints
+    }
+
+    /// Without directions.
+    fn extrema(&self, space: &ScaleSpace) -> Vec<Keypoint> {
+        // Refining adds contrast; half the threshold misses nothing that matters.
+        let threshold = 0.5 * self.contrast_threshold / self.n_layers as f32;
+        let mut found = Vec::new();
+        let mut marks = Vec::new();
+        for (octave_idx, planes) in space.octaves().iter().enumerate() {
+            let (width, height) = (planes[0].width(), planes[0].height());
+            marks.resize(width.saturating_sub(2), 0);
+            for (layer, layers) in (1..).zip(planes.windows(4)) {
+                for y in 1..height.saturating_sub(1) {
+                    let rows = [0, 1, 2, 3].map(|layer| [y - 1, y, y + 1].map(|y| layers[layer].row(y)));
+                    simd::mark_extrema(&rows, threshold, &mut marks);
+                    for_each_marked(&marks, |x, _| {
+                        let refined = self.refine(planes, [x + 1, y, layer]);
+                        found.extend(refined.map(|refined| refined.keypoint(self.levels(), octave_idx)));
+                    });
+                }
+            }
+        }
+        found
+    }
+
+    /// Follows the parabola through an extremum at a pixel and layer of an octave to its vertex; `None` when
+    /// it has too little contrast, is on an edge or does not come to rest.
+    fn refine(&self, planes: &[Plane], mut at: [usize; 3]) -> Option<Refined> {
+        let sizes = [planes[0].width(), planes[0].height(), planes.len() - 1];
+        for _ in 0..MAX_STEPS {
+            let parabola = Parabola::new(planes, at);
+            let offset = parabola.vertex()?;
+            if offset.iter().all(|offset| offset.abs() < 0.5) {
+                let contrast = parabola.value_at(offset).abs();
+                let keep = contrast * self.n_layers as f32 >= self.contrast_threshold
+                    && !parabola.is_on_edge(self.edge_threshold);
+                let [x, y, layer] = std::array::from_fn(|axis| at[axis] as f32 + offset[axis]);
+                return keep.then_some(Refined { x, y, layer, contrast });
+            }
+            for ((position, offset), size) in at.iter_mut().zip(offset).zip(sizes) {
+                let moved = *position as f32 + offset.round();
+                if !(1.0..=size as f32 - 2.0).contains(&moved) {
+                    return None;
+                }
+                *position = moved as usize;
+            }
+        }
+        None
+    }
+}
+
+/// An extremum in pixels and layers of its octave.
+struct Refined {
+    x: f32,
+    y: f32,
+    layer: f32,
+    contrast: f32,
+}
+
+impl Refined {
+    fn keypoint(&self, levels: Levels, octave_idx: usize) -> Keypoint {
+        let pixel = levels.pixel(octave_idx);
+        Keypoint {
+            x: self.x * pixel,
+            y: self.y * pixel,
+            response: self.contrast,
+            scale: levels.sigma(self.layer) * pixel,
+            angle: None,
+        }
+    }
+}
+
+/// The differences of Gaussians near a pixel of a layer, to the second order in x, y and layer: equation 2.
+struct Parabola {
+    value: f32,
+    gradient: [f32; 3],
+    /// Symmetric.
+    hessian: [[f32; 3]; 3],
+}
+
+impl Parabola {
+    fn new(planes: &[Plane], [x, y, layer]: [usize; 3]) -> Self {
+        // Differences by layer, row and column.
+        let cube: [[[f32; 3]; 3]; 3] = std::array::from_fn(|l| {
+            let [lower, upper] = [0, 1].map(|next| &planes[layer + l - 1 + next]);
+            std::array::from_fn(|row| {
+                let [lower, upper] = [lower, upper].map(|plane| &plane.row(y + row - 1)[x - 1..]);
+                std::array::from_fn(|column| upper[column] - lower[column])
+            })
+        });
+        // At a whole step along each axis.
+        let at =
+            |x: isize, y: isize, layer: isize| cube[(1 + layer) as usize][(1 + y) as usize][(1 + x) as usize];
+        let value = at(0, 0, 0);
+        let slope = |below: f32, above: f32| (above - below) / 2.0;
+        let curvature = |below: f32, above: f32| below + above - 2.0 * value;
+        let x_slope = |y, layer| slope(at(-1, y, layer), at(1, y, layer));
+        let y_slope = |layer| slope(at(0, -1, layer), at(0, 1, layer));
+        let xx = curvature(at(-1, 0, 0), at(1, 0, 0));
+        let yy = curvature(at(0, -1, 0), at(0, 1, 0));
+        let ll = curvature(at(0, 0, -1), at(0, 0, 1));
+        let xy = slope(x_slope(-1, 0), x_slope(1, 0));
+        let xl = slope(x_slope(0, -1), x_slope(0, 1));
+        let yl = slope(y_slope(-1), y_slope(1));
+        Self {
+            value,
+            gradient: [x_slope(0, 0), y_slope(0), slope(at(0, 0, -1), at(0, 0, 1))],
+            hessian: [[xx, xy, xl], [xy, yy, yl], [xl, yl, ll]],
+        }
+    }
+
+    /// Where the gradient vanishes: equation 3, by Cramer's rule. `None` when that is nowhere.
+    fn vertex(&self) -> Option<[f32; 3]> {
+        let [a, b, c] = self.hessian;
+        let downhill = self.gradient.map(|slope| -slope);
+        let determinant = dot(a, cross(b, c));
+        // The hessian is symmetric: its rows are its columns.
+        let offset = [dot(downhill, cross(b, c)), dot(a, cross(downhill, c)), dot(a, cross(b, downhill))];
+        let offset = offset.map(|numerator| numerator / determinant);
+        offset.iter().all(|offset| offset.is_finite()).then_some(offset)
+    }
+
+    fn value_at(&self, vertex: [f32; 3]) -> f32 {
+        self.value + 0.5 * dot(self.gradient, vertex)
+    }
+
+    /// Whether the ratio of the principal curvatures in the plane exceeds `threshold`: section 4.1.
+    fn is_on_edge(&self, threshold: f32) -> bool {
+        let [[xx, xy, _], [_, yy, _], _] = self.hessian;
+        let (trace, determinant) = (xx + yy, xx * yy - xy * xy);
+        determinant <= 0.0 || trace * trace * threshold >= (threshold + 1.0).powi(2) * determinant
+    }
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// How long the gradients round a point are in each direction, smoothed.
+fn direction_histogram(location: &Location, gradients: &mut Gradients) -> [f32; N_DIRECTIONS] {
+    let sigma = DIRECTION_SIGMA * location.scale;
+    let (columns, rows) = location.window((3.0 * sigma).round());
+    let column_weights = gaussian_at(location.x, columns.clone(), sigma);
+    let row_weights = gaussian_at(location.y, rows.clone(), sigma);
+    let mut raw = [0.0; N_DIRECTIONS];
+    for (y, row_weight) in rows.zip(row_weights) {
+        gradients.take(location.plane, y, &columns);
+        for ((length, turn), weight) in gradients.lengths.iter().zip(&gradients.turns).zip(&column_weights) {
+            let bin = (turn * N_DIRECTIONS as f32 + 0.5) as usize % N_DIRECTIONS;
+            raw[bin] += length * weight * row_weight;
+        }
+    }
+    std::array::from_fn(|bin| {
+        let at = |ahead: usize| raw[(bin + ahead) % N_DIRECTIONS];
+        let (near, far) = (at(1) + at(N_DIRECTIONS - 1), at(2) + at(N_DIRECTIONS - 2));
+        (6.0 * at(0) + 4.0 * near + far) / 16.0
+    })
+}
+
+/// The directions of the peaks that are high enough, in radians from 0 to 2 pi.
+fn peaks(histogram: &[f32; N_DIRECTIONS]) -> impl Iterator<Item = f32> {
+    let highest = histogram.iter().fold(0.0, |highest: f32, &height| highest.max(height));
+    (0..N_DIRECTIONS).filter_map(move |bin| {
+        let [before, height, after] =
+            [N_DIRECTIONS - 1, 0, 1].map(|ahead| histogram[(bin + ahead) % N_DIRECTIONS]);
+        let is_peak = height > before && height > after && height >= PEAK_SHARE * highest;
+        // The vertex of the parabola through the three.
+        let offset = 0.5 * (before - after) / (before - 2.0 * height + after);
+        let turn = (bin as f32 + offset) / N_DIRECTIONS as f32;
+        is_peak.then(|| turn.rem_euclid(1.0) * std::f32::consts::TAU)
+    })
+}

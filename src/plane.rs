@@ -1,0 +1,146 @@
+//! Planes of `f32` gray values, and the Gaussian scale space of an image.
+
+mod scale_space;
+
+pub use scale_space::{Levels, Location, ScaleSpace};
+
+use crate::image::Image;
+use crate::simd;
+use std::ops::Range;
+
+/// How many sigmas of a Gaussian are summed on each side.
+const KERNEL_REACH: f32 = 4.0;
+
+/// A plane of gray values from 0 (black) to 1 (white), row-major; empty until something is written to it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Plane {
+    width: usize,
+    height: usize,
+    values: Vec<f32>,
+}
+
+impl From<&Image> for Plane {
+    fn from(image: &Image) -> Self {
+        let values = image.pixels().iter().map(|&pixel| f32::from(pixel) / 255.0).collect();
+        Self { width: image.width(), height: image.height(), values }
+    }
+}
+
+impl Plane {
+    /// The number of columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// The number of rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// The values of row `y`. Panics when there is no such row.
+    pub fn row(&self, y: usize) -> &[f32] {
+        &self.values[y * self.width..][..self.width]
+    }
+
+    /// The values of row `y`, to write to. Panics when there is no such row.
+    pub fn row_mut(&mut self, y: usize) -> &mut [f32] {
+        &mut self.values[y * self.width..][..self.width]
+    }
+
+    /// Blurs by a Gaussian of `sigma` pixels; beyond the plane its border is repeated.
+    pub fn blur_into(&self, sigma: f32, blurred: &mut Self) {
+        let weights = gaussian(sigma);
+        let radius = weights.len() - 1;
+        blurred.resize(self.width, self.height);
+        // Down the columns into one row, from there along it: the row stays in the nearest cache.
+        let mut padded = vec![0.0; self.width + 2 * radius];
+        let mut rows = Vec::with_capacity(2 * radius + 1);
+        for (y, blurred) in blurred.values.chunks_exact_mut(self.width).enumerate() {
+            rows.clear();
+            rows.extend(
+                (y..=y + 2 * radius).map(|y| self.row(y.saturating_sub(radius).min(self.height - 1))),
+            );
+            simd::blur_columns(&rows, &weights, &mut padded[radius..radius + self.width]);
+            let (first, last) = (padded[radius], padded[radius + self.width - 1]);
+            padded[..radius].fill(first);
+            padded[radius + self.width..].fill(last);
+            simd::blur_row(&padded, &weights, blurred);
+        }
+    }
+
+    /// Twice as wide and high, by linear interpolation: pixel (x, y) is at (2 x, 2 y).
+    pub fn double_into(&self, doubled: &mut Self) {
+        let width = 2 * self.width;
+        doubled.resize(width, 2 * self.height);
+        let mut between = vec![0.0; self.width];
+        for (y, rows) in doubled.values.chunks_exact_mut(2 * width).enumerate() {
+            let (even, odd) = rows.split_at_mut(width);
+            let (row, next) = (self.row(y), self.row((y + 1).min(self.height - 1)));
+            double_row(row, even);
+            for ((between, a), b) in between.iter_mut().zip(row).zip(next) {
+                *between = (a + b) / 2.0;
+            }
+            double_row(&between, odd);
+        }
+    }
+
+    /// Every other column of every other row, from the first on.
+    pub fn halve_into(&self, halved: &mut Self) {
+        halved.resize(self.width.div_ceil(2), self.height.div_ceil(2));
+        for (y, row) in halved.values.chunks_exact_mut(halved.width).enumerate() {
+            row.iter_mut().zip(self.row(2 * y).chunks(2)).for_each(|(value, pair)| *value = pair[0]);
+        }
+    }
+
+    /// Makes it another size. What it then holds means nothing until it is written to.
+    pub fn resize(&mut self, width: usize, height: usize) {
+        (self.width, self.height) = (width, height);
+        self.values.resize(width * height, 0.0);
+    }
+}
+
+fn double_row(row: &[f32], doubled: &mut [f32]) {
+    let (pairs, _) = doubled.as_chunks_mut::<2>();
+    for (pair, values) in pairs.iter_mut().zip(row.windows(2)) {
+        *pair = [values[0], (values[0] + values[1]) / 2.0];
+    }
+    if let (Some(last), Some(&value)) = (pairs.last_mut(), row.last()) {
+        *last = [value; 2];
+    }
+}
+
+/// The weights of a Gaussian from its center outward; with both sides they sum to 1.
+fn gaussian(sigma: f32) -> Vec<f32> {
+    let radius = (KERNEL_REACH * sigma).round().max(1.0) as usize;
+    let weights = gaussian_at(0.0, 0..radius + 1, sigma);
+    let sum = 2.0 * weights.iter().sum::<f32>() - weights[0];
+    weights.iter().map(|weight| weight / sum).collect()
+}
+
+/// A Gaussian round `center`, 1 in its middle, at the whole numbers of `positions`.
+pub fn gaussian_at(center: f32, positions: Range<usize>, sigma: f32) -> Vec<f32> {
+    let value = |position: usize| {
+        let distance = f64::from(position as f32 - center) / f64::from(sigma);
+        (-0.5 * distance * distance).exp() as f32
+    };
+    positions.map(value).collect()
+}
+
+/// The gradients of the pixels of a row; the memory is used again and again.
+#[derive(Debug, Default)]
+pub struct Gradients {
+    /// In gray values per two pixels.
+    pub lengths: Vec<f32>,
+    /// From the x axis toward the y axis, in turns from 0 to 1.
+    pub turns: Vec<f32>,
+}
+
+impl Gradients {
+    /// Takes those of the pixels `columns` of row `y`, none of which is on the border of `plane`.
+    pub fn take(&mut self, plane: &Plane, y: usize, columns: &Range<usize>) {
+        self.lengths.resize(columns.len(), 0.0);
+        self.turns.resize(columns.len(), 0.0);
+        let rows = [y - 1, y, y + 1].map(|y| &plane.row(y)[columns.start - 1..=columns.end]);
+        simd::gradients(rows, &mut self.lengths, &mut self.turns);
+    }
+}
