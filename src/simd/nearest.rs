@@ -371,16 +371,37 @@ fn largest_of_block<P: Products, const R: usize>(
         let products = products_of_block::<P, R>(&row, &columns.blocks[block_idx * n..][..n]);
         let mut largest = [i32::MIN; COLUMN_BLOCK];
         for r in 0..R {
-            for lane in 0..COLUMN_BLOCK {
-                let is_padding = squared_lengths[lane] == PADDING;
-                let product = if is_padding { i32::MIN } else { products[r][lane] };
-                best[r][lane] = best[r][lane].max(product);
-                largest[lane] = largest[lane].max(product);
-            }
+            let products = without_padding(&products[r], squared_lengths);
+            raise(&mut best[r], &products);
+            raise(&mut largest, &products);
         }
-        of_block.iter_mut().zip(largest).for_each(|(best, product)| *best = product.max(*best));
+        match of_block.try_into() {
+            Ok(of_block) => raise(of_block, &largest),
+            Err(_) => of_block.iter_mut().zip(largest).for_each(|(best, product)| *best = product.max(*best)),
+        }
     }
     *of_rows = best.map(|lanes| lanes.into_iter().fold(i32::MIN, i32::max));
+}
+
+/// The products, the smallest number in place of those with padding.
+#[inline(always)]
+fn without_padding(
+    products: &[i32; COLUMN_BLOCK],
+    squared_lengths: &[i32; COLUMN_BLOCK],
+) -> [i32; COLUMN_BLOCK] {
+    // Masks, as above.
+    std::array::from_fn(|lane| {
+        let is_padding = i32::from(squared_lengths[lane] == PADDING).wrapping_neg();
+        (i32::MIN & is_padding) | (products[lane] & !is_padding)
+    })
+}
+
+/// Raises the best of each lane to the product.
+#[inline(always)]
+fn raise(best: &mut [i32; COLUMN_BLOCK], products: &[i32; COLUMN_BLOCK]) {
+    for lane in 0..COLUMN_BLOCK {
+        best[lane] = best[lane].max(products[lane]);
+    }
 }
 
 #[cfg(test)]

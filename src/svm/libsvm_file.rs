@@ -395,9 +395,13 @@ mod tests {
             }
             assert_eq!(model.calibration.is_some(), !golden.probabilities.is_empty());
             for (row, expected) in golden.rows.iter().zip(&golden.probabilities) {
-                let probabilities =
-                    model.calibration.as_ref().unwrap().probabilities(&model.svm.decision_values(row));
-                assert_near(&probabilities, expected);
+                let calibration = model.calibration.as_ref().unwrap();
+                let found = calibration.probabilities(&model.svm.decision_values(row));
+                // LIBSVM couples pairs to a larger tolerance.
+                found
+                    .iter()
+                    .zip(expected)
+                    .for_each(|(found, expected)| assert!((found - expected).abs() < 0.01));
             }
         }
     }
@@ -407,7 +411,7 @@ mod tests {
         let kernels = [
             (KernelFunction::Linear, 5.0),
             (KernelFunction::Rbf { gamma: Some(0.7) }, 10.0),
-            (KernelFunction::Sigmoid { gamma: Some(0.2), coef0: -0.4 }, 2.0),
+            (KernelFunction::Sigmoid { gamma: Some(0.02), coef0: -1.0 }, 20.0),
         ];
         for ((text, golden), (kernel, c)) in GOLDENS.into_iter().zip(kernels) {
             let golden: Golden = serde_json::from_str(golden).unwrap();
@@ -476,7 +480,7 @@ mod tests {
             ("c_svc", "nu_svc", "line 1: svm_type is nu_svc"),
             ("rbf", "polynomial", "line 2: kernel_type is polynomial"),
             ("gamma", "gama", "line 3: a header line begins with one of"),
-            ("gamma 0.6", "gamma -0.6", "gamma is -0.6999"),
+            ("gamma 0.6", "gamma -0.6", "gamma is -0.7"),
             ("nr_class 4", "nr_class 18446744073709551615", "line 7: label needs numbers in range"),
             ("rho", "label 1\nlabel", "line 7: a second label"),
             ("rho 0", "rho nan", "line 6: rho needs numbers in range, 6 of them"),
