@@ -86,11 +86,11 @@ struct Classification {
 
 impl Classification {
     fn train(features: &[Features], places: &[String], config: &Config) -> Self {
-        let Representation::Bag(vocabulary) = &config.representation;
+        let Representation::Bag(vocabulary) = &config.representation else { panic!("no bag by default") };
         let descriptors: Vec<&Matrix> = features.iter().map(|features| &features.descriptors).collect();
         let vocabulary = Vocabulary::train(&descriptors, vocabulary, config.seed).unwrap();
         let mut bags = Matrix::new(vocabulary.n_words());
-        descriptors.iter().for_each(|rows| bags.push_row(&vocabulary.bag(&vocabulary.quantize(rows))));
+        descriptors.iter().for_each(|rows| bags.push_row(&vocabulary.bag_of(rows)));
 
         let mut names = places.to_vec();
         names.sort();
@@ -118,9 +118,7 @@ fn measure(group: &mut BenchmarkGroup<WallTime>, drive: &Drive) {
     each(group, "describe", &described, |(image, features)| {
         config.descriptor.describe(image, &features.keypoints, &view)
     });
-    each(group, "bag", &features, |features| {
-        parts.vocabulary.bag(&parts.vocabulary.quantize(&features.descriptors))
-    });
+    each(group, "bag", &features, |features| parts.vocabulary.bag_of(&features.descriptors));
     each(group, "classify", &bags, |bag| parts.calibration.probabilities(&parts.svm.decision_values(bag)));
 
     let model = train_model(drive, features, &config);

@@ -29,6 +29,16 @@ impl Default for Config {
     }
 }
 
+impl Config {
+    /// That the number of rounds is in range.
+    pub fn check(&self) -> Result<(), BoostError> {
+        if (1..=MAX_ROUNDS).contains(&self.n_rounds) {
+            return Ok(());
+        }
+        Err(BoostError::Rounds { n_rounds: self.n_rounds })
+    }
+}
+
 /// Why no ensembles were made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the texts say it")]
@@ -151,9 +161,7 @@ impl Stump {
 }
 
 fn check(rows: &Matrix, labels: &[usize], n_classes: usize, config: &Config) -> Result<(), BoostError> {
-    if !(1..=MAX_ROUNDS).contains(&config.n_rounds) {
-        return Err(BoostError::Rounds { n_rounds: config.n_rounds });
-    }
+    config.check()?;
     if n_classes < 2 {
         return Err(BoostError::TooFewClasses { n_classes });
     }

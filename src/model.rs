@@ -3,11 +3,13 @@
 //! Lu et al., "Robust place recognition based on omnidirectional vision and real-time local visual
 //! features for mobile robots": detect, describe, count words, classify.
 
+mod arrays;
 mod card;
 mod config;
 mod features;
 mod folder;
 mod format;
+mod machines;
 mod train;
 
 pub use card::{Card, Measurement};
@@ -21,6 +23,7 @@ use crate::camera::Camera;
 use crate::image::Image;
 use crate::svm::{Calibration, LinearSvm, Scheme, most_probable};
 use crate::vocabulary::Vocabulary;
+use machines::Machines;
 
 /// The answer for one frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,8 +71,7 @@ pub struct Model {
 /// From descriptors to probabilities.
 #[derive(Clone, Debug)]
 struct Classification {
-    vocabulary: Vocabulary,
-    svm: LinearSvm,
+    machines: Machines,
     calibration: Calibration,
     /// Answers of at least this probability are known.
     known_probability: f32,
@@ -101,14 +103,14 @@ impl Model {
         Self { card, ..self }
     }
 
-    /// The number of words of the vocabulary.
+    /// The number of words of the vocabulary; 0 where descriptors are compared themselves.
     pub fn n_words(&self) -> usize {
-        self.classification.vocabulary.n_words()
+        self.classification.machines.vocabulary().map_or(0, Vocabulary::n_words)
     }
 
-    /// The number of training frames each support vector machine rests on.
-    pub fn n_support_vectors(&self) -> &[usize] {
-        self.classification.svm.n_support_vectors()
+    /// The number of training frames each support vector machine rests on; none for other machines.
+    pub fn n_support_vectors(&self) -> Vec<usize> {
+        self.classification.machines.n_support_vectors()
     }
 
     /// From which probability on an answer is known.
@@ -132,10 +134,12 @@ impl Model {
     }
 
     /// What each keypoint said for and against a room, the strongest first. With one machine a pair of
-    /// rooms, the sum over the machines that the room takes part in.
+    /// rooms, the sum over the machines that the room takes part in. Only linear machines can be taken apart
+    /// like this; for others there is nothing.
     pub fn explain(&self, features: &Features, place_idx: usize) -> Vec<Evidence> {
-        let word_weights = self.classification.word_weights(features, place_idx);
-        let words = self.classification.vocabulary.quantize(&features.descriptors);
+        let Machines::Linear(vocabulary, svm) = &self.classification.machines else { return Vec::new() };
+        let words = vocabulary.quantize(&features.descriptors);
+        let word_weights = word_weights((vocabulary, svm), &words, place_idx);
         let mut evidence: Vec<Evidence> = words
             .iter()
             .zip(&features.keypoints)
@@ -156,43 +160,41 @@ impl Classification {
         let n_keypoints = features.keypoints.len();
         if n_keypoints == 0 {
             // Nothing was seen: no room is more probable than another.
-            let n_places = self.svm.n_classes();
+            let n_places = self.machines.n_classes();
             let probabilities = vec![1.0 / n_places as f32; n_places];
             return Recognition { place_idx: 0, known: false, probabilities, n_keypoints };
         }
-        let bag = self.vocabulary.bag(&self.vocabulary.quantize(&features.descriptors));
-        let probabilities = self.calibration.probabilities(&self.svm.decision_values(&bag));
+        let decision_values = self.machines.decision_values(&features.descriptors);
+        let probabilities = self.calibration.probabilities(&decision_values);
         let place_idx = most_probable(&probabilities);
         let known = probabilities[place_idx] >= self.known_probability;
         Recognition { place_idx, known, probabilities, n_keypoints }
     }
+}
 
-    /// How much one keypoint of each word adds to the decision value of a room.
-    fn word_weights(&self, features: &Features, place_idx: usize) -> Vec<f32> {
-        let words = self.vocabulary.quantize(&features.descriptors);
-        let bag = self.vocabulary.bag(&words);
-        let mut counts = vec![0.0; bag.len()];
-        words.iter().for_each(|&word| counts[word as usize] += 1.0);
-        let weight = |word_idx: usize| {
-            let signed = self
-                .signed_machines(place_idx)
-                .map(|(machine, sign)| sign * self.svm.weights().row(machine)[word_idx]);
-            signed.sum::<f32>() * bag[word_idx] / f32::max(counts[word_idx], 1.0)
-        };
-        (0..bag.len()).map(weight).collect()
-    }
+/// How much one keypoint of each word adds to the decision value of a room, in a frame of these words.
+fn word_weights((vocabulary, svm): (&Vocabulary, &LinearSvm), words: &[u32], place_idx: usize) -> Vec<f32> {
+    let bag = vocabulary.bag(words);
+    let mut counts = vec![0.0; bag.len()];
+    words.iter().for_each(|&word| counts[word as usize] += 1.0);
+    let weight = |word_idx: usize| {
+        let signed = signed_machines(svm, place_idx);
+        let sum: f32 = signed.map(|(machine, sign)| sign * svm.weights().row(machine)[word_idx]).sum();
+        sum * bag[word_idx] / f32::max(counts[word_idx], 1.0)
+    };
+    (0..bag.len()).map(weight).collect()
+}
 
-    /// The machines that speak of a room, and whether their positive side is it.
-    fn signed_machines(&self, place_idx: usize) -> impl Iterator<Item = (usize, f32)> {
-        let n_places = self.svm.n_classes();
-        let one_vs_all = (self.svm.scheme() == Scheme::OneVsAll).then_some((place_idx, 1.0));
-        let pairs = (0..n_places).flat_map(move |a| (a + 1..n_places).map(move |b| (a, b))).enumerate();
-        let one_vs_one = pairs.filter_map(move |(machine, (a, b))| {
-            let sign = if a == place_idx { 1.0 } else { -1.0 };
-            (one_vs_all.is_none() && (a == place_idx || b == place_idx)).then_some((machine, sign))
-        });
-        one_vs_all.into_iter().chain(one_vs_one)
-    }
+/// The machines that speak of a room, and whether their positive side is it.
+fn signed_machines(svm: &LinearSvm, place_idx: usize) -> impl Iterator<Item = (usize, f32)> {
+    let n_places = svm.n_classes();
+    let one_vs_all = (svm.scheme() == Scheme::OneVsAll).then_some((place_idx, 1.0));
+    let pairs = (0..n_places).flat_map(move |a| (a + 1..n_places).map(move |b| (a, b))).enumerate();
+    let one_vs_one = pairs.filter_map(move |(machine, (a, b))| {
+        let sign = if a == place_idx { 1.0 } else { -1.0 };
+        (one_vs_all.is_none() && (a == place_idx || b == place_idx)).then_some((machine, sign))
+    });
+    one_vs_all.into_iter().chain(one_vs_one)
 }
 
 #[cfg(test)]

@@ -96,7 +96,8 @@ impl Default for Config {
 }
 
 impl Config {
-    fn check(&self) -> Result<(), SvmError> {
+    /// That the numbers are in range.
+    pub fn check(&self) -> Result<(), SvmError> {
         check_positive("c", self.c)?;
         check_positive("the tolerance", self.tolerance)
     }

@@ -123,6 +123,11 @@ impl Vocabulary {
         words
     }
 
+    /// The bag of the words of these descriptors: [`Vocabulary::quantize`] and [`Vocabulary::bag`].
+    pub fn bag_of(&self, descriptors: &Matrix) -> Vec<f32> {
+        self.bag(&self.quantize(descriptors))
+    }
+
     /// The bag of these words: [`Vocabulary::n_words`] numbers, scaled as configured.
     pub fn bag(&self, words: &[u32]) -> Vec<f32> {
         let mut bag = vec![0.0; self.n_words()];

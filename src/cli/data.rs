@@ -231,7 +231,7 @@ mod tests {
             "seed=3",
         ]);
         let config = config.unwrap();
-        let Representation::Bag(bag) = &config.representation;
+        let Representation::Bag(bag) = &config.representation else { panic!("no bag") };
         assert_eq!((bag.n_words, bag.normalization, config.seed), (50, Normalization::L1, 3));
         assert_eq!(config.detector, Detector::Fast(Fast { threshold: FastThreshold::Fixed(20) }));
         assert!(matches!(config.descriptor, Descriptor::Lbp(_)));
@@ -243,7 +243,10 @@ mod tests {
         let error = |parameter: &str| format!("{:#}", read(&[parameter]).unwrap_err());
         assert!(error("representation.n_wrods=50").contains("n_wrods"));
         assert!(error("seed").contains("NAME=VALUE"));
-        assert!(error("descriptor.kind=surf").contains("surf"));
+        assert!(error("descriptor.kind=brisk").contains("brisk"));
         assert!(error("representation.n_words=0").contains("words"));
+        assert!(error("classifier.c=0").contains("positive"));
+        assert!(error("classifier.kind=match_svm").contains("representation.kind"));
+        assert!(error("representation.kind=descriptors").contains("match_svm"));
     }
 }

@@ -6,7 +6,7 @@ use crate::camera::CameraKind;
 use crate::dataset;
 use crate::experiment::report::{self, Entry, Report};
 use crate::experiment::{self, Cache, Drives, Experiment};
-use crate::model::Config;
+use crate::model::{Config, Representation};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use std::fs;
@@ -176,9 +176,10 @@ fn names(experiments: &[Experiment]) -> String {
 }
 
 fn quick(mut config: Config) -> Config {
-    let crate::model::Representation::Bag(bag) = &mut config.representation;
-    bag.max_descriptors = bag.max_descriptors.min(20_000);
-    bag.max_rounds = bag.max_rounds.min(5);
+    if let Representation::Bag(bag) = &mut config.representation {
+        bag.max_descriptors = bag.max_descriptors.min(20_000);
+        bag.max_rounds = bag.max_rounds.min(5);
+    }
     config.calibration.n_folds = 2;
     config
 }

@@ -4,6 +4,7 @@ use super::{Drives, Experiment, ExperimentError};
 use crate::dataset::cold::{DrivenPath, Illumination, SequenceName};
 use crate::describe::{CsLbp, Descriptor, Lbp};
 use crate::model::{Config, Representation};
+use crate::vocabulary;
 use serde::Serialize;
 use std::collections::BTreeSet;
 
@@ -156,9 +157,16 @@ fn cell(row: &str, column: &str, train: &[usize], test: usize, config: Config) -
     }
 }
 
+/// The parameters of bags; the defaults where the configuration has none.
+fn bag_of(config: &Config) -> vocabulary::Config {
+    match &config.representation {
+        Representation::Bag(bag) => bag.clone(),
+        Representation::Descriptors => vocabulary::Config::default(),
+    }
+}
+
 fn with_words(base: &Config, n_words: usize) -> Config {
-    let Representation::Bag(bag) = &base.representation;
-    let bag = crate::vocabulary::Config { n_words, ..bag.clone() };
+    let bag = vocabulary::Config { n_words, ..bag_of(base) };
     Config { representation: Representation::Bag(bag), ..base.clone() }
 }
 
@@ -221,8 +229,7 @@ fn words(drives: &Drives, base: &Config) -> Result<Plan, ExperimentError> {
     let tests = experiment.lu(drives, &LU_TESTS)?;
     let mut plan = experiment.lu_plan("The number of words", "Lu et al., figure 7", Chart::Lines);
     // And the number that is configured.
-    let Representation::Bag(bag) = &base.representation;
-    let counts: BTreeSet<usize> = (50..=400).step_by(50).chain([bag.n_words]).collect();
+    let counts: BTreeSet<usize> = (50..=400).step_by(50).chain([bag_of(base).n_words]).collect();
     for n_words in counts {
         for &(test, tested) in &tests {
             let config = with_words(base, n_words);

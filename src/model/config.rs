@@ -2,7 +2,8 @@
 
 use crate::describe::Descriptor;
 use crate::detect::Detector;
-use crate::{svm, vocabulary};
+use crate::svm::Scheme;
+use crate::{boost, svm, vocabulary};
 use serde::{Deserialize, Serialize};
 
 /// Every parameter of a model. What a file leaves out has its default.
@@ -27,7 +28,7 @@ pub struct Config {
     pub detector: Detector,
     /// How they are described.
     pub descriptor: Descriptor,
-    /// How a frame's descriptors become one row of numbers.
+    /// What the classifier sees of a frame's descriptors.
     pub representation: Representation,
     /// How rooms are told apart by it.
     pub classifier: Classifier,
@@ -35,20 +36,49 @@ pub struct Config {
     pub calibration: CalibrationConfig,
 }
 
-/// How a frame's descriptors become one row of numbers.
+/// What a classifier sees of a frame's descriptors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Representation {
     /// How often each word of a vocabulary occurs.
     Bag(vocabulary::Config),
+    /// The descriptors themselves, for classifiers that compare sets of them.
+    Descriptors,
 }
 
 /// How rooms are told apart.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Classifier {
-    /// Support vector machines with the linear kernel.
+    /// Support vector machines with the linear kernel, over bags.
     LinearSvm(svm::Config),
+    /// Support vector machines with any kernel, over bags.
+    KernelSvm(svm::KernelConfig),
+    /// Support vector machines with the match kernel, over the descriptors themselves.
+    MatchSvm(svm::MatchConfig),
+    /// AdaBoost on stumps, over bags.
+    Boost(boost::Config),
+}
+
+impl Classifier {
+    /// How its machines are put together.
+    pub(super) fn scheme(&self) -> Scheme {
+        match self {
+            Self::LinearSvm(config) => config.scheme,
+            Self::KernelSvm(config) => config.machines.scheme,
+            Self::MatchSvm(config) => config.machines.scheme,
+            Self::Boost(_) => Scheme::OneVsAll,
+        }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        match self {
+            Self::LinearSvm(config) => config.check().map_err(|error| error.to_string()),
+            Self::KernelSvm(config) => config.check().map_err(|error| error.to_string()),
+            Self::MatchSvm(config) => config.check().map_err(|error| error.to_string()),
+            Self::Boost(config) => config.check().map_err(|error| error.to_string()),
+        }
+    }
 }
 
 /// How decision values become probabilities.
@@ -109,7 +139,17 @@ impl Config {
         }
         self.detector.check()?;
         self.descriptor.check()?;
-        let Representation::Bag(vocabulary) = &self.representation;
-        vocabulary.check()
+        self.classifier.check()?;
+        let sees_descriptors = matches!(self.classifier, Classifier::MatchSvm(_));
+        match &self.representation {
+            Representation::Bag(_) if sees_descriptors => {
+                Err("match_svm compares descriptors: set representation.kind to descriptors".to_owned())
+            }
+            Representation::Bag(vocabulary) => vocabulary.check(),
+            Representation::Descriptors if sees_descriptors => Ok(()),
+            Representation::Descriptors => {
+                Err("only match_svm sees descriptors: set representation.kind to bag".to_owned())
+            }
+        }
     }
 }

@@ -2,23 +2,27 @@
 //!
 //! | array | type and shape |
 //! |---|---|
-//! | `vocabulary.centers` | f32, words x dimensions |
-//! | `svm.weights` | f32, machines x words |
-//! | `svm.rho` | f32, machines |
-//! | `svm.n_support_vectors` | u32, machines |
+//! | `vocabulary.centers` | f32, words x dimensions; where bags are classified |
+//! | `svm.weights`, `svm.rho` | f32, machines x words, machines; of a linear SVM |
+//! | `svm.n_support_vectors` | u32, machines; of a linear SVM |
+//! | `kernel.support_vectors` | f32, support vectors x words; of a kernel SVM |
+//! | `kernel.parameters` | f64, gamma and coef0 as far as the kernel has them |
+//! | `match.descriptors` | f32, descriptors x dimensions, of the support frames of a match SVM |
+//! | `match.n_descriptors` | u32, support frames |
+//! | `dual.coefficients`, `dual.rho` | f32, machines x support vectors, machines; of a kernel or match SVM |
+//! | `boost.n_stumps` | u32, rooms |
+//! | `boost.features`, `boost.thresholds`, `boost.weights` | u32, f32, f32, stumps |
 //! | `calibration.slopes`, `calibration.offsets` | f32, machines |
 //! | `camera.mask` | u8, height x width; only with a mask |
 
-use super::{Card, Classification, Classifier, Config, Extractor, Model, Representation};
+use super::arrays::{self, Array, require};
+use super::machines::Machines;
+use super::{Card, Classification, Config, Extractor, Model};
 use crate::camera::{Camera, Mask, Projection};
-use crate::image::Image;
-use crate::matrix::Matrix;
-use crate::svm::{Calibration, LinearSvm};
-use crate::vocabulary::Vocabulary;
-use safetensors::tensor::TensorView;
-use safetensors::{Dtype, SafeTensors};
+use crate::svm::Calibration;
+use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeSet, HashMap};
+use std::collections::BTreeSet;
 
 /// The version of the file's layout. A file of another version is refused.
 pub const FORMAT_VERSION: u32 = 1;
@@ -78,37 +82,14 @@ impl Model {
             card: self.card.clone(),
         };
         let metadata = serde_json::to_string(&metadata).map_err(|error| damaged(&error))?;
-        let Classification { vocabulary, svm, calibration, .. } = &self.classification;
-        let n_support_vectors: Vec<u8> =
-            svm.n_support_vectors().iter().flat_map(|&count| (count as u32).to_le_bytes()).collect();
-        let n_machines = svm.rho().len();
-        let mut arrays = vec![
-            (
-                "vocabulary.centers",
-                Dtype::F32,
-                shape(vocabulary.centers()),
-                bytes(vocabulary.centers().as_slice()),
-            ),
-            ("svm.weights", Dtype::F32, shape(svm.weights()), bytes(svm.weights().as_slice())),
-            ("svm.rho", Dtype::F32, vec![n_machines], bytes(svm.rho())),
-            ("svm.n_support_vectors", Dtype::U32, vec![n_machines], n_support_vectors),
-            ("calibration.slopes", Dtype::F32, vec![n_machines], bytes(calibration.slopes())),
-            ("calibration.offsets", Dtype::F32, vec![n_machines], bytes(calibration.offsets())),
-        ];
+        let Classification { machines, calibration, .. } = &self.classification;
+        let mut arrays = machines.to_arrays();
+        arrays.push(Array::vector("calibration.slopes", calibration.slopes()));
+        arrays.push(Array::vector("calibration.offsets", calibration.offsets()));
         if let Some(mask) = &self.camera().mask {
-            let picture = mask.picture();
-            let shape = vec![picture.height(), picture.width()];
-            arrays.push(("camera.mask", Dtype::U8, shape, picture.pixels().to_vec()));
+            arrays.push(Array::picture("camera.mask", mask.picture()));
         }
-        let views: Result<Vec<_>, _> = arrays
-            .iter()
-            .map(|(name, dtype, shape, bytes)| {
-                TensorView::new(*dtype, shape.clone(), bytes).map(|view| (*name, view))
-            })
-            .collect();
-        let views = views.map_err(|error| damaged(&error))?;
-        let metadata = HashMap::from([(METADATA_KEY.to_owned(), metadata)]);
-        safetensors::serialize(views, Some(metadata)).map_err(|error| damaged(&error))
+        arrays::serialize(&arrays, (METADATA_KEY, metadata))
     }
 
     /// Reads a model file of unknown origin. A model that comes out cannot fail to recognize.
@@ -142,89 +123,18 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     if let Projection::Omnidirectional(mirror) = camera {
         require(mirror.is_valid(), "its mirror is no ring")?;
     }
-    let Representation::Bag(bag) = &config.representation;
-    let Classifier::LinearSvm(classifier) = &config.classifier;
-
-    let centers = matrix(file, "vocabulary.centers")?;
-    require(centers.n_cols() == config.descriptor.n_dimensions(), "its words fit no descriptor")?;
-    require(centers.n_rows() == bag.n_words, "its vocabulary has another number of words than it says")?;
-    let is_center = |word: &[f32]| word.iter().map(|value| value * value).sum::<f32>() < 1.001;
-    require(centers.rows().all(is_center), "a word is no mean of descriptors")?;
-    let weights = matrix(file, "svm.weights")?;
-    require(weights.n_cols() == bag.n_words, "its machines fit no vocabulary")?;
-    let n_support_vectors = array(file, "svm.n_support_vectors", Dtype::U32, 1)?.1;
-    let n_support_vectors = n_support_vectors.as_chunks().0.iter();
-    let n_support_vectors = n_support_vectors.map(|&count| u32::from_le_bytes(count) as usize).collect();
-    let refused = |error: crate::svm::SvmError| FormatError::Damaged(error.to_string());
-    let (scheme, n_places) = (classifier.scheme, places.len());
-    let svm = LinearSvm::from_parts(scheme, n_places, weights, vector(file, "svm.rho")?, n_support_vectors)
-        .map_err(refused)?;
-    let slopes = vector(file, "calibration.slopes")?;
-    let calibration = Calibration::from_parts(scheme, n_places, slopes, vector(file, "calibration.offsets")?)
-        .map_err(refused)?;
-    let camera = Camera { projection: camera, mask: mask(file)? };
+    let machines = Machines::from_arrays(&config, places.len(), file)?;
+    let slopes = arrays::read_vector(file, "calibration.slopes")?;
+    let offsets = arrays::read_vector(file, "calibration.offsets")?;
+    let calibration = Calibration::from_parts(config.classifier.scheme(), places.len(), slopes, offsets)
+        .map_err(|error| FormatError::Damaged(error.to_string()))?;
+    let mask = arrays::read_picture(file, "camera.mask")?.map(Mask::new);
+    let camera = Camera { projection: camera, mask };
     Ok(Model {
         places,
         extractor: Extractor::new(&config, camera),
-        classification: Classification {
-            vocabulary: Vocabulary::new(centers, bag.normalization),
-            svm,
-            calibration,
-            known_probability,
-        },
+        classification: Classification { machines, calibration, known_probability },
         config,
         card,
     })
-}
-
-fn mask(file: &SafeTensors) -> Result<Option<Mask>, FormatError> {
-    if file.tensor("camera.mask").is_err() {
-        return Ok(None);
-    }
-    let (shape, pixels) = array(file, "camera.mask", Dtype::U8, 2)?;
-    let picture = Image::from_pixels(shape[1], shape[0], pixels.to_vec());
-    picture
-        .map(|picture| Some(Mask::new(picture)))
-        .ok_or_else(|| FormatError::Damaged("its mask is empty".into()))
-}
-
-fn matrix(file: &SafeTensors, name: &str) -> Result<Matrix, FormatError> {
-    let (shape, bytes) = array(file, name, Dtype::F32, 2)?;
-    Matrix::from_vec(floats(bytes), shape[1])
-        .ok_or_else(|| FormatError::Damaged(format!("{name} has no columns")))
-}
-
-fn vector(file: &SafeTensors, name: &str) -> Result<Vec<f32>, FormatError> {
-    Ok(floats(array(file, name, Dtype::F32, 1)?.1))
-}
-
-/// Shape and little-endian bytes of an array of this type and number of dimensions.
-fn array<'a>(
-    file: &SafeTensors<'a>,
-    name: &str,
-    dtype: Dtype,
-    n_dimensions: usize,
-) -> Result<(Vec<usize>, &'a [u8]), FormatError> {
-    let tensor =
-        file.tensor(name).map_err(|_| FormatError::Damaged(format!("the array {name} is missing")))?;
-    if tensor.dtype() != dtype || tensor.shape().len() != n_dimensions {
-        return Err(FormatError::Damaged(format!("the array {name} has another type or shape")));
-    }
-    Ok((tensor.shape().to_vec(), tensor.data()))
-}
-
-fn require(condition: bool, otherwise: &str) -> Result<(), FormatError> {
-    if condition { Ok(()) } else { Err(FormatError::Damaged(otherwise.to_owned())) }
-}
-
-fn shape(matrix: &Matrix) -> Vec<usize> {
-    vec![matrix.n_rows(), matrix.n_cols()]
-}
-
-fn bytes(values: &[f32]) -> Vec<u8> {
-    values.iter().flat_map(|value| value.to_le_bytes()).collect()
-}
-
-fn floats(bytes: &[u8]) -> Vec<f32> {
-    bytes.as_chunks().0.iter().map(|&value| f32::from_le_bytes(value)).collect()
 }

@@ -71,6 +71,41 @@ fn new_frames_of_known_rooms_are_recognized() {
 }
 
 #[test]
+fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
+    use crate::svm::{InnerKernel, KernelConfig, KernelFunction, MatchConfig};
+    let kernels = [
+        KernelFunction::Rbf { gamma: None },
+        KernelFunction::Sigmoid { gamma: None, coef0: 0.1 },
+        KernelFunction::ChiSquared { gamma: Some(0.7) },
+        KernelFunction::HistogramIntersection,
+        KernelFunction::Linear,
+    ];
+    let over_kernel = |kernel| Classifier::KernelSvm(KernelConfig { kernel, ..KernelConfig::default() });
+    let matches = |inner| Classifier::MatchSvm(MatchConfig { inner, ..MatchConfig::default() });
+    let mut classifiers: Vec<Classifier> = kernels.map(over_kernel).into();
+    classifiers.push(Classifier::Boost(crate::boost::Config { n_rounds: 20 }));
+    classifiers.push(matches(InnerKernel::Rbf { gamma: 3.0 }));
+    classifiers.push(matches(InnerKernel::Correlation { gamma: 1.0 }));
+    for classifier in classifiers {
+        let mut config = Config { classifier, ..config() };
+        if matches!(config.classifier, Classifier::MatchSvm(_)) {
+            config.representation = Representation::Descriptors;
+        }
+        let model = trained(&config).model;
+        let bytes = model.to_bytes().unwrap();
+        let back = Model::from_bytes(&bytes).unwrap();
+        assert_eq!(back.to_bytes().unwrap(), bytes);
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        for (place_idx, place) in ["stripes", "bars", "dots"].iter().enumerate() {
+            let frame = frame(place_idx, &mut random);
+            let answer = model.recognize(&frame, &mut Scratch::default());
+            assert_eq!(&model.places()[answer.place_idx], place, "{config:?} {answer:?}");
+            assert_eq!(back.recognize(&frame, &mut Scratch::default()), answer);
+        }
+    }
+}
+
+#[test]
 fn a_frame_without_keypoints_is_answered_without_knowledge() {
     let black = Image::from_pixels(96, 72, vec![0; 96 * 72]).unwrap();
     let answer = trained(&config()).model.recognize(&black, &mut Scratch::default());
@@ -85,8 +120,8 @@ fn evidence_sums_to_the_decision_value() {
     let features = model.features(&frame(2, &mut random), &mut Scratch::default());
     let evidence = model.explain(&features, 1);
     assert_eq!(evidence.len(), features.keypoints.len());
-    let Classification { vocabulary, svm, .. } = &model.classification;
-    let bag = vocabulary.bag(&vocabulary.quantize(&features.descriptors));
+    let Machines::Linear(vocabulary, svm) = &model.classification.machines else { panic!("not linear") };
+    let bag = vocabulary.bag_of(&features.descriptors);
     let sum: f32 = evidence.iter().map(|evidence| evidence.weight).sum();
     assert!((sum - svm.rho()[1] - svm.decision_values(&bag)[1]).abs() < 1e-3);
 }

@@ -1,14 +1,13 @@
 //! Labeled frames to a model.
 
-use super::{
-    Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition, Representation,
-    Sigmoids,
-};
+use super::machines::Machines;
+use super::{Card, Classification, Config, Extractor, Features, Model, Recognition, Sigmoids};
+use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::folds::{folds, spread_single_fold_labels};
 use crate::matrix::Matrix;
-use crate::svm::{self, Calibration, LinearSvm, Scheme, SvmError};
-use crate::vocabulary::{Vocabulary, VocabularyError};
+use crate::svm::{self, Calibration, Scheme, SvmError};
+use crate::vocabulary::VocabularyError;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
@@ -70,6 +69,9 @@ pub enum TrainError {
     /// No support vector machine.
     #[error(transparent)]
     Svm(#[from] SvmError),
+    /// No ensembles.
+    #[error(transparent)]
+    Boost(#[from] BoostError),
 }
 
 impl Model {
@@ -104,10 +106,10 @@ impl Model {
         let held_out = trainer.recognize_held_out(&folds, &decisions)?;
         progress(TrainingStep { n_done: n_folds, n_steps });
 
-        let (vocabulary, svm) = trainer.fit(&(0..samples.len()).collect::<Vec<_>>())?;
+        let machines = trainer.fit(&(0..samples.len()).collect::<Vec<_>>())?.machines;
         let calibration = trainer.calibrate(decisions.iter())?;
         let known_probability = trainer.known_probability(&held_out);
-        let classification = Classification { vocabulary, svm, calibration, known_probability };
+        let classification = Classification { machines, calibration, known_probability };
         let held_out = held_out.into_iter().map(|mut answer| {
             answer.recognition.known = answer.recognition.probability() >= known_probability;
             answer
@@ -148,33 +150,16 @@ impl Trainer<'_> {
         folds
     }
 
-    fn svm_config(&self) -> &svm::Config {
-        let Classifier::LinearSvm(config) = &self.config.classifier;
-        config
-    }
-
-    /// A vocabulary and a machine trained on the samples of these indices. Classes that have none among
-    /// them get the machines of [`spread_out`].
-    fn fit(&self, sample_idxs: &[usize]) -> Result<(Vocabulary, LinearSvm), TrainError> {
-        let Representation::Bag(config) = &self.config.representation;
-        let descriptors: Vec<&Matrix> =
-            sample_idxs.iter().map(|&idx| &self.samples[idx].features.descriptors).collect();
-        let vocabulary = Vocabulary::train(&descriptors, config, self.config.seed)?;
-        let bags: Vec<Vec<f32>> = sample_idxs.par_iter().map(|&idx| self.bag(&vocabulary, idx)).collect();
-        let mut rows = Matrix::new(vocabulary.n_words());
-        bags.iter().for_each(|bag| rows.push_row(bag));
+    /// Machines trained on the samples of these indices.
+    fn fit(&self, sample_idxs: &[usize]) -> Result<Fitted, TrainError> {
         let labels: Vec<usize> = sample_idxs.iter().map(|&idx| self.labels[idx]).collect();
         let present: Vec<usize> = labels.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
         let dense: Vec<usize> =
             labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
-        let svm = LinearSvm::train(&rows, &dense, present.len(), self.svm_config())?;
-        let svm =
-            if present.len() == self.n_places { svm } else { spread_out(&svm, &present, self.n_places)? };
-        Ok((vocabulary, svm))
-    }
-
-    fn bag(&self, vocabulary: &Vocabulary, sample_idx: usize) -> Vec<f32> {
-        vocabulary.bag(&vocabulary.quantize(&self.samples[sample_idx].features.descriptors))
+        let frames: Vec<&Matrix> =
+            sample_idxs.iter().map(|&idx| &self.samples[idx].features.descriptors).collect();
+        let machines = Machines::train(&frames, &dense, present.len(), self.config)?;
+        Ok(Fitted { machines, present })
     }
 
     /// Samples of rooms that occur in no other fold cannot be answered, and samples without a keypoint say
@@ -190,10 +175,11 @@ impl Trainer<'_> {
         if held_out.is_empty() || known.len() < 2 {
             return Ok(Vec::new());
         }
-        let (vocabulary, svm) = self.fit(&training)?;
-        let decide = |&sample_idx: &usize| Decision {
-            sample_idx,
-            values: svm.decision_values(&self.bag(&vocabulary, sample_idx)),
+        let fitted = self.fit(&training)?;
+        let scheme = self.config.classifier.scheme();
+        let decide = |&sample_idx: &usize| {
+            let values = fitted.machines.decision_values(&self.samples[sample_idx].features.descriptors);
+            Decision { sample_idx, values: fitted.spread_out(scheme, self.n_places, &values) }
         };
         Ok(held_out.par_iter().map(decide).collect())
     }
@@ -202,7 +188,7 @@ impl Trainer<'_> {
         &self,
         decisions: impl Iterator<Item = &'d Decision>,
     ) -> Result<Calibration, TrainError> {
-        let scheme = self.svm_config().scheme;
+        let scheme = self.config.classifier.scheme();
         let mut values = Matrix::new(scheme.n_machines(self.n_places));
         let mut labels = Vec::new();
         for decision in decisions {
@@ -265,29 +251,33 @@ impl Trainer<'_> {
     }
 }
 
-/// The same machines among more classes. A machine of a class that was not trained says a clear no (-1); a
-/// machine for a pair with such a class is undecided (0).
-fn spread_out(svm: &LinearSvm, present: &[usize], n_classes: usize) -> Result<LinearSvm, SvmError> {
-    let scheme = svm.scheme();
-    let trained = |class: usize| present.binary_search(&class).ok();
-    let machines: Vec<Option<usize>> = match scheme {
-        Scheme::OneVsAll => (0..n_classes).map(trained).collect(),
-        Scheme::OneVsOne => {
-            let n_present = present.len();
-            let machine = |a: usize, b: usize| a * (2 * n_present - a - 1) / 2 + b - a - 1;
-            (0..n_classes)
-                .flat_map(|a| (a + 1..n_classes).map(move |b| (a, b)))
-                .map(|(a, b)| Some(machine(trained(a)?, trained(b)?)))
-                .collect()
+/// Machines, and the classes that they were trained on.
+struct Fitted {
+    machines: Machines,
+    /// Sorted.
+    present: Vec<usize>,
+}
+
+impl Fitted {
+    /// The decision values among all classes. The machine of a class that was not trained says a clear no (-1);
+    /// a machine for a pair with such a class is undecided (0).
+    fn spread_out(&self, scheme: Scheme, n_classes: usize, values: &[f32]) -> Vec<f32> {
+        let trained = |class: usize| self.present.binary_search(&class).ok();
+        match scheme {
+            Scheme::OneVsAll => {
+                (0..n_classes).map(|class| trained(class).map_or(-1.0, |machine| values[machine])).collect()
+            }
+            Scheme::OneVsOne => {
+                let n_present = self.present.len();
+                let machine = |a: usize, b: usize| a * (2 * n_present - a - 1) / 2 + b - a - 1;
+                (0..n_classes)
+                    .flat_map(|a| (a + 1..n_classes).map(move |b| (a, b)))
+                    .map(|(a, b)| match (trained(a), trained(b)) {
+                        (Some(a), Some(b)) => values[machine(a, b)],
+                        _ => 0.0,
+                    })
+                    .collect()
+            }
         }
-    };
-    let untrained_rho = if scheme == Scheme::OneVsAll { 1.0 } else { 0.0 };
-    let mut weights = Matrix::new(svm.n_features());
-    let no_weights = vec![0.0; svm.n_features()];
-    machines.iter().for_each(|machine| {
-        weights.push_row(machine.map_or(no_weights.as_slice(), |machine| svm.weights().row(machine)));
-    });
-    let rho = machines.iter().map(|machine| machine.map_or(untrained_rho, |machine| svm.rho()[machine]));
-    let n_support_vectors = machines.iter().map(|machine| machine.map_or(0, |m| svm.n_support_vectors()[m]));
-    LinearSvm::from_parts(scheme, n_classes, weights, rho.collect(), n_support_vectors.collect())
+    }
 }

@@ -42,6 +42,20 @@ pub enum KernelFunction<Gamma = f64> {
 }
 
 impl KernelFunction<Option<f64>> {
+    /// That the parameters that are given are in range.
+    pub(super) fn check_given(self) -> Result<(), SvmError> {
+        match self {
+            Self::Rbf { gamma: Some(gamma) }
+            | Self::Sigmoid { gamma: Some(gamma), .. }
+            | Self::ChiSquared { gamma: Some(gamma) } => check_positive("gamma", gamma)?,
+            _ => {}
+        }
+        match self {
+            Self::Sigmoid { coef0, .. } if !coef0.is_finite() => Err(SvmError::Coef0 { value: coef0 }),
+            _ => Ok(()),
+        }
+    }
+
     /// The kernel with its gamma given, if need be from `rows`, the finite training rows.
     ///
     /// # Errors

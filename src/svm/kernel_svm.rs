@@ -21,6 +21,14 @@ impl Default for KernelConfig {
     }
 }
 
+impl KernelConfig {
+    /// That the numbers are in range.
+    pub fn check(&self) -> Result<(), SvmError> {
+        self.kernel.check_given()?;
+        self.machines.check()
+    }
+}
+
 /// A trained multi-class SVM with a kernel function.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KernelSvm {
@@ -44,7 +52,7 @@ impl KernelSvm {
         config: &KernelConfig,
     ) -> Result<Self, SvmError> {
         check_rows(rows, labels, n_classes)?;
-        config.machines.check()?;
+        config.check()?;
         let function = config.kernel.resolve(rows)?;
         let kernel = Kernel::new(rows, function)?;
         let (machines, support_idxs) = DualSvm::train_over(&kernel, labels, n_classes, &config.machines)?;

@@ -42,6 +42,7 @@ impl Default for InnerKernel {
 }
 
 impl InnerKernel {
+    /// That gamma is in range.
     fn check(self) -> Result<(), SvmError> {
         match self {
             Self::Linear => Ok(()),
@@ -129,6 +130,14 @@ pub struct MatchConfig {
     pub machines: Config,
 }
 
+impl MatchConfig {
+    /// That the numbers are in range.
+    pub fn check(&self) -> Result<(), SvmError> {
+        self.inner.check()?;
+        self.machines.check()
+    }
+}
+
 /// A trained multi-class SVM with the match kernel. It keeps the descriptors of its support frames.
 #[derive(Clone, Debug)]
 pub struct MatchSvm {
@@ -152,8 +161,7 @@ impl MatchSvm {
         config: &MatchConfig,
     ) -> Result<Self, SvmError> {
         // Checked before the kernel matrix, which may take long.
-        config.inner.check()?;
-        config.machines.check()?;
+        config.check()?;
         check_n_classes(n_classes)?;
         check_widths(frames.iter().copied())?;
         let sets: Vec<DescriptorSet> =
