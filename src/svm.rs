@@ -8,6 +8,7 @@
 mod coupling;
 mod dual;
 mod function;
+mod incremental;
 mod kernel;
 mod kernel_svm;
 mod libsvm_file;
@@ -21,6 +22,7 @@ mod tests;
 
 pub use dual::DualSvm;
 pub use function::KernelFunction;
+pub use incremental::IncrementalSvm;
 pub use kernel_svm::{KernelConfig, KernelSvm};
 pub use libsvm_file::{LibsvmError, LibsvmModel};
 pub use linear::LinearSvm;
@@ -125,6 +127,11 @@ pub enum SvmError {
     Negative { row_idx: usize },
     #[error("coef0 is {value}: it must be finite")]
     Coef0 { value: f64 },
+    #[error(
+        "the threshold of the reduction is {value}: it must be zero or more, and small enough to keep a \
+         support vector"
+    )]
+    Threshold { value: f64 },
     #[error("{name} is {value}: it must be positive and finite")]
     NotPositive { name: &'static str, value: f64 },
     #[error("training did not converge: lower c, raise the tolerance, or scale the features to about 1")]

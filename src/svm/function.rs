@@ -78,11 +78,28 @@ impl KernelFunction<Option<f64>> {
     }
 }
 
+impl From<KernelFunction> for KernelFunction<Option<f64>> {
+    fn from(kernel: KernelFunction) -> Self {
+        match kernel {
+            KernelFunction::Linear => Self::Linear,
+            KernelFunction::Rbf { gamma } => Self::Rbf { gamma: Some(gamma) },
+            KernelFunction::Sigmoid { gamma, coef0 } => Self::Sigmoid { gamma: Some(gamma), coef0 },
+            KernelFunction::ChiSquared { gamma } => Self::ChiSquared { gamma: Some(gamma) },
+            KernelFunction::HistogramIntersection => Self::HistogramIntersection,
+        }
+    }
+}
+
 impl KernelFunction {
     /// The kernel of two finite rows of the same length; finite, and the same with the rows exchanged, bit
     /// for bit.
     pub fn value(&self, left: &[f32], right: &[f32]) -> f32 {
-        to_f32(match *self {
+        to_f32(self.exact_value(left, right))
+    }
+
+    /// As [`KernelFunction::value`], before it is rounded.
+    pub(super) fn exact_value(&self, left: &[f32], right: &[f32]) -> f64 {
+        match *self {
             Self::Linear => dot(left, right),
             Self::Rbf { gamma } => {
                 let squared_distance = sum(left, right, |x, z| (x - z) * (x - z));
@@ -91,7 +108,7 @@ impl KernelFunction {
             Self::Sigmoid { gamma, coef0 } => (gamma * dot(left, right) + coef0).tanh(),
             Self::ChiSquared { gamma } => (-gamma * chi_squared(left, right)).exp(),
             Self::HistogramIntersection => sum(left, right, f64::min),
-        })
+        }
     }
 
     /// That the parameters are in range, and that the kernel is made for these rows.

@@ -51,6 +51,16 @@ impl KernelSvm {
         n_classes: usize,
         config: &KernelConfig,
     ) -> Result<Self, SvmError> {
+        Self::train_and_locate(rows, labels, n_classes, config).map(|(svm, _)| svm)
+    }
+
+    /// As [`KernelSvm::train`]; also gives the rows that became support vectors, ascending.
+    pub(super) fn train_and_locate(
+        rows: &Matrix,
+        labels: &[usize],
+        n_classes: usize,
+        config: &KernelConfig,
+    ) -> Result<(Self, Vec<usize>), SvmError> {
         check_rows(rows, labels, n_classes)?;
         config.check()?;
         let function = config.kernel.resolve(rows)?;
@@ -58,7 +68,7 @@ impl KernelSvm {
         let (machines, support_idxs) = DualSvm::train_over(&kernel, labels, n_classes, &config.machines)?;
         let mut support_vectors = Matrix::new(rows.n_cols());
         support_idxs.iter().for_each(|&row_idx| support_vectors.push_row(rows.row(row_idx)));
-        Ok(Self { kernel: function, support_vectors, machines })
+        Ok((Self { kernel: function, support_vectors, machines }, support_idxs))
     }
 
     /// Puts an SVM together from its parts, as the methods of the same names gave them.
@@ -122,14 +132,10 @@ mod tests {
     ];
 
     fn config(kernel: KernelFunction, scheme: Scheme, c: f64) -> KernelConfig {
-        let kernel = match kernel {
-            KernelFunction::Linear => KernelFunction::Linear,
-            KernelFunction::Rbf { gamma } => KernelFunction::Rbf { gamma: Some(gamma) },
-            KernelFunction::Sigmoid { gamma, coef0 } => KernelFunction::Sigmoid { gamma: Some(gamma), coef0 },
-            KernelFunction::ChiSquared { gamma } => KernelFunction::ChiSquared { gamma: Some(gamma) },
-            KernelFunction::HistogramIntersection => KernelFunction::HistogramIntersection,
-        };
-        KernelConfig { kernel, machines: Config { scheme, c, tolerance: 1e-6, ..Config::default() } }
+        KernelConfig {
+            kernel: kernel.into(),
+            machines: Config { scheme, c, tolerance: 1e-6, ..Config::default() },
+        }
     }
 
     /// A row as LIBSVM's port takes it: as it is for LIBSVM's own kernels; its kernel values with all
