@@ -6,23 +6,25 @@
 //!
 //! | group | modules | what |
 //! |---|---|---|
-//! | 1 | [`matrix`], [`image`], [`simd`] | rows of numbers, pixels, fast loops over them |
-//! | 2 | [`camera`], [`plane`] | where pixels are valid; gray values at many scales |
-//! | 3 | [`detect`] | keypoints |
-//! | 4 | [`describe`] | keypoints to descriptors |
-//! | 5 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
-//! | 6 | [`model`] | the whole pipeline: train, recognize, the file |
-//! | 7 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 8 | [`validate`] | rates of a configuration over splits and seeds |
-//! | 9 | [`experiment`] | the experiments of the papers |
-//! | 10 | [`server`] | the HTTP service |
-//! | 11 | [`cli`] | the commands |
+//! | 1 | [`matrix`], [`image`] | rows of numbers, pixels |
+//! | 2 | [`simd`] | fast loops over them |
+//! | 3 | [`camera`], [`plane`] | where pixels are valid; gray values at many scales |
+//! | 4 | [`detect`] | keypoints |
+//! | 5 | [`describe`] | keypoints to descriptors |
+//! | 6 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
+//! | 7 | [`model`] | the whole pipeline: train, recognize, the file |
+//! | 8 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
+//! | 9 | [`validate`] | rates of a configuration over splits and seeds |
+//! | 10 | [`experiment`] | the experiments of the papers |
+//! | 11 | [`server`] | the HTTP service |
+//! | 12 | [`cli`] | the commands |
 //!
-//! Groups 1 to 6 are the recognition core. They know no async, no HTTP, no clock and no hidden
+//! Groups 1 to 7 are the recognition core. They know no async, no HTTP, no clock and no hidden
 //! randomness: seeds are arguments.
 
 pub mod image;
 pub mod matrix;
+
 pub mod simd;
 
 pub mod camera;

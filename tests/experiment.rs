@@ -23,10 +23,11 @@ const DRIVES: [(&str, &str); 10] = [
 ];
 const LABELS: [&str; 3] = ["CR-A", "PA-A", "BR-A"];
 const FRAMES_A_ROOM: usize = 25;
-const EXPERIMENTS: [&str; 9] = [
+const EXPERIMENTS: [&str; 10] = [
     "features",
     "keypoints",
     "words",
+    "kernels",
     "illumination",
     "best",
     "occlusion",
@@ -113,7 +114,7 @@ fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
         }
     }
     // The tiles tell the rooms apart.
-    assert!(entries[4]["measured"][0]["rate"]["mean"].as_f64().unwrap() > 0.6, "{said}");
+    assert!(entries[5]["measured"][0]["rate"]["mean"].as_f64().unwrap() > 0.6, "{said}");
     let html = fs::read_to_string(report.join("report.html")).unwrap();
     assert!(
         html.contains(".9806") && html.contains("<svg") && !html.contains("http"),

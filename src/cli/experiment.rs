@@ -53,9 +53,11 @@ enum ExperimentName {
     Keypoints,
     /// The number of words (Lu, figure 7)
     Words,
+    /// Kernels over bags (Lu, table 3)
+    Kernels,
     /// The light that is trained in (Lu, table 4)
     Illumination,
-    /// Confusion matrices, and errors on the map (Lu, tables 5 to 7)
+    /// Confusion matrices, errors on the map, and the match kernel (Lu, tables 5 to 7)
     Best,
     /// Parts of the frames hidden (Lu, figure 13)
     Occlusion,
@@ -157,6 +159,7 @@ impl ExperimentName {
             Self::Features => experiment == Experiment::Features,
             Self::Keypoints => experiment == Experiment::Keypoints,
             Self::Words => experiment == Experiment::Words,
+            Self::Kernels => experiment == Experiment::Kernels,
             Self::Illumination => experiment == Experiment::Illumination,
             Self::Best => experiment == Experiment::Best,
             Self::Occlusion => experiment == Experiment::Occlusion,
