@@ -180,3 +180,66 @@ fn laplacian(plane: &Plane, [x, y]: [usize; 2]) -> f32 {
 fn vertex([before, middle, after]: [f32; 3]) -> f32 {
     0.5 * (before - after) / (before - 2.0 * middle + after)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Detector;
+    use super::super::testing::*;
+    use super::*;
+    use crate::image::Image;
+    use proptest::prelude::*;
+
+    #[test]
+    fn keypoints_follow_turns_scales_and_light() {
+        let detector = Detector::HarrisLaplace(HarrisLaplace::default());
+        for (change, least) in [
+            ((0.0, 1.0, 1.0), 1.0),
+            ((0.7, 1.0, 1.0), 0.8),
+            ((4.0, 1.0, 1.0), 0.8),
+            ((0.0, 0.8, 1.0), 0.65),
+            ((2.0, 1.3, 1.0), 0.65),
+            ((0.0, 1.0, 0.8), 0.8),
+        ] {
+            let share = repeatability(&detector, change);
+            assert!(share >= least, "{change:?}: {share}");
+        }
+    }
+
+    #[test]
+    fn the_corners_of_a_square_are_found() {
+        let is_inside = |position: usize| (80..=119).contains(&position);
+        let pixel = |idx: usize| if is_inside(idx % SIDE) && is_inside(idx / SIDE) { 200 } else { 50 };
+        let image = Image::from_pixels(SIDE, SIDE, (0..SIDE * SIDE).map(pixel).collect()).unwrap();
+        let keypoints = detect(&Detector::HarrisLaplace(HarrisLaplace::default()), &image);
+        // Smoothing moves them inward.
+        for (x, y) in [(79.5, 79.5), (119.5, 79.5), (79.5, 119.5), (119.5, 119.5)] {
+            let is_near = |found: &&Keypoint| (found.x - x).hypot(found.y - y) < 2.0 * found.scale;
+            assert!(keypoints.iter().any(|found| is_near(&found)), "{x} {y}: {keypoints:?}");
+        }
+        let is_on_side =
+            |found: &Keypoint| (90.0..110.0).contains(&found.x) != (90.0..110.0).contains(&found.y);
+        assert!(!keypoints.iter().any(is_on_side), "{keypoints:?}");
+    }
+
+    #[test]
+    fn absurd_parameters_are_refused() {
+        let defaults = HarrisLaplace::default;
+        for harris in [
+            HarrisLaplace { target: 0, ..defaults() },
+            HarrisLaplace { sigma: f32::NAN, ..defaults() },
+            HarrisLaplace { sigma: 100.0, ..defaults() },
+            HarrisLaplace { threshold: -0.1, ..defaults() },
+            HarrisLaplace { laplacian_threshold: 2.0, ..defaults() },
+        ] {
+            assert!(harris.check().is_err(), "{harris:?}");
+        }
+        assert_eq!(defaults().check(), Ok(()));
+    }
+
+    proptest! {
+        #[test]
+        fn small_images_have_valid_keypoints(size in (1usize..50, 1usize..50), seed: u64) {
+            assert_keypoints_are_valid(&Detector::HarrisLaplace(HarrisLaplace::default()), size, seed);
+        }
+    }
+}
