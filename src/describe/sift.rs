@@ -278,7 +278,7 @@ mod tests {
             if dx.hypot(dy) > 90.0 { 0 } else { image.pixels()[idx] }
         });
         let changed = Image::from_pixels(200, 200, changed.collect()).unwrap();
-        let found = [keypoint(170.0, 100.0, 2.0, None)];
+        let found = [keypoint(178.0, 100.0, 2.0, None)];
         let distance = |view: &View| {
             let [a, b] =
                 [&image, &changed].map(|image| SiftDescriptor::default().describe(image, &found, view));
