@@ -59,10 +59,28 @@ impl Detector {
     /// The keypoints of `image` whose surroundings lie in the valid region of `view`, which was made for
     /// frames of this size. Row by row, from left to right.
     pub fn detect(&self, image: &Image, view: &View) -> Vec<Keypoint> {
+        self.detect_with(image, view, &mut ScaleSpace::default())
+    }
+
+    /// The same; `space` becomes the scale space that keypoints were looked for in, if there are
+    /// [`Detector::levels`], and is left alone otherwise.
+    pub fn detect_with(&self, image: &Image, view: &View, space: &mut ScaleSpace) -> Vec<Keypoint> {
+        if let Some(levels) = self.levels() {
+            space.build(image, levels, f32::INFINITY);
+        }
         match self {
             Self::Fast(fast) => fast.detect(image, view),
-            Self::Sift(sift) => sift.detect(&scale_space(image, sift.levels()), view),
-            Self::HarrisLaplace(harris) => harris.detect(&scale_space(image, harris.levels()), view),
+            Self::Sift(sift) => sift.detect(space, view),
+            Self::HarrisLaplace(harris) => harris.detect(space, view),
+        }
+    }
+
+    /// Of the scale space that keypoints are looked for in; `None` where it is the image alone.
+    pub fn levels(&self) -> Option<Levels> {
+        match self {
+            Self::Fast(_) => None,
+            Self::Sift(sift) => Some(sift.levels()),
+            Self::HarrisLaplace(harris) => Some(harris.levels()),
         }
     }
 
@@ -74,12 +92,6 @@ impl Detector {
             Self::HarrisLaplace(harris) => harris.check(),
         }
     }
-}
-
-fn scale_space(image: &Image, levels: Levels) -> ScaleSpace {
-    let mut space = ScaleSpace::default();
-    space.build(image, levels, f32::INFINITY);
-    space
 }
 
 /// What is wrong with a number of keypoints to keep, if anything.

@@ -289,6 +289,16 @@ mod tests {
     }
 
     #[test]
+    fn the_scale_space_of_the_default_detector_describes_alike() {
+        use crate::detect::{Detector, Sift, testing::blobs};
+        let image = blobs(0.0, 1.0, 1.0);
+        let (view, sift) = (whole(&image), SiftDescriptor::default());
+        let mut space = ScaleSpace::default();
+        let found = Detector::Sift(Sift::default()).detect_with(&image, &view, &mut space);
+        assert_eq!(sift.describe_in(&space, &found, &view), sift.describe(&image, &found, &view));
+    }
+
+    #[test]
     fn flat_surroundings_have_no_numbers() {
         let image = Image::from_pixels(50, 50, vec![90; 2500]).unwrap();
         let found = [keypoint(25.0, 25.0, 2.0, None)];

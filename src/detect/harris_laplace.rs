@@ -59,14 +59,14 @@ impl HarrisLaplace {
         Ok(())
     }
 
-    /// Of the scale space that keypoints are looked for in.
-    pub fn levels(&self) -> Levels {
+    /// See [`super::Detector::levels`].
+    pub(super) fn levels(&self) -> Levels {
         Levels { sigma: self.sigma, n_layers: 2, doubled: false }
     }
 
-    /// See [`super::Detector::detect`], in the scale space of an image with all of
+    /// See [`super::Detector::detect`], in the scale space of an image with
     /// [`HarrisLaplace::levels`]. The response is det M - alpha trace^2 M, the scale s_I.
-    pub fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
+    pub(super) fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
         let levels = self.levels();
         let mut keypoints = Vec::new();
         let mut harris = Harris::default();

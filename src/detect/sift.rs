@@ -82,14 +82,14 @@ impl Sift {
         Ok(())
     }
 
-    /// Of the scale space that keypoints are looked for in.
-    pub fn levels(&self) -> Levels {
+    /// See [`super::Detector::levels`].
+    pub(super) fn levels(&self) -> Levels {
         Levels { sigma: self.sigma, n_layers: self.n_layers, doubled: self.doubled }
     }
 
-    /// See [`super::Detector::detect`], in the scale space of an image with all of [`Sift::levels`]. The
-    /// response is the contrast.
-    pub fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
+    /// See [`super::Detector::detect`], in the scale space of an image with [`Sift::levels`]. The response is
+    /// the contrast.
+    pub(super) fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
         let mut extrema = self.extrema(space);
         extrema.retain(|extremum| view.contains(extremum.x, extremum.y, REACH * extremum.scale));
         keep_strongest(&mut extrema, self.target);
