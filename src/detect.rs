@@ -64,11 +64,29 @@ impl Detector {
     /// The keypoints of `image` whose surroundings lie in the valid region of `view`, which was made for
     /// frames of this size. Row by row, from left to right.
     pub fn detect(&self, image: &Image, view: &View) -> Vec<Keypoint> {
+        self.detect_with(image, view, &mut ScaleSpace::default())
+    }
+
+    /// The same; `space` becomes the scale space that keypoints were looked for in, if there are
+    /// [`Detector::levels`], and is left alone otherwise.
+    pub fn detect_with(&self, image: &Image, view: &View, space: &mut ScaleSpace) -> Vec<Keypoint> {
+        if let Some(levels) = self.levels() {
+            space.build(image, levels, f32::INFINITY);
+        }
         match self {
             Self::Fast(fast) => fast.detect(image, view),
             Self::Surf(surf) => surf.detect(image, view),
-            Self::Sift(sift) => sift.detect(&scale_space(image, sift.levels()), view),
-            Self::HarrisLaplace(harris) => harris.detect(&scale_space(image, harris.levels()), view),
+            Self::Sift(sift) => sift.detect(space, view),
+            Self::HarrisLaplace(harris) => harris.detect(space, view),
+        }
+    }
+
+    /// Of the scale space that keypoints are looked for in; `None` where it is the image alone.
+    pub fn levels(&self) -> Option<Levels> {
+        match self {
+            Self::Fast(_) | Self::Surf(_) => None,
+            Self::Sift(sift) => Some(sift.levels()),
+            Self::HarrisLaplace(harris) => Some(harris.levels()),
         }
     }
 
@@ -81,12 +99,6 @@ impl Detector {
             Self::HarrisLaplace(harris) => harris.check(),
         }
     }
-}
-
-fn scale_space(image: &Image, levels: Levels) -> ScaleSpace {
-    let mut space = ScaleSpace::default();
-    space.build(image, levels, f32::INFINITY);
-    space
 }
 
 /// What is wrong with a number of keypoints to keep, if anything.
@@ -120,6 +132,91 @@ fn for_each_marked(marks: &[u8], mut visit: impl FnMut(usize, u8)) {
         }
         for (offset, &mark) in block.iter().enumerate().filter(|&(_, &mark)| mark != 0) {
             visit(block_idx * BLOCK + offset, mark);
+        }
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod testing {
+    use super::*;
+    use crate::camera::{Camera, Projection};
+    use rand::{Rng, SeedableRng};
+
+    /// The side of [`blobs`].
+    pub const SIDE: usize = 200;
+
+    /// Dark and bright ellipses and half planes near them, turned by `angle` and scaled by `factor` round the
+    /// middle; gray values are scaled by `light`.
+    pub fn blobs(angle: f32, factor: f32, light: f32) -> Image {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+        let blobs: [[f32; 6]; 60] = std::array::from_fn(|_| {
+            let mut between = |low: f32, high: f32| random.random_range(low..high);
+            [
+                between(-70.0, 70.0),
+                between(-70.0, 70.0),
+                between(2.0, 7.0),
+                between(1.0, 1.6),
+                between(-1.0, 1.0),
+                between(0.0, 6.0),
+            ]
+        });
+        let middle = SIDE as f32 / 2.0;
+        let pixel = |idx: usize| {
+            let (dx, dy) = ((idx % SIDE) as f32 - middle, (idx / SIDE) as f32 - middle);
+            let x = (dx * angle.cos() + dy * angle.sin()) / factor;
+            let y = (dy * angle.cos() - dx * angle.sin()) / factor;
+            let mut gray = 0.0;
+            for [center_x, center_y, size, stretch, sign, cut] in blobs {
+                let (dx, dy) = ((x - center_x) / size, (y - center_y) / (size * stretch));
+                // Cut off by a line, smoothly: corners and a direction.
+                let side = 1.0 / (1.0 + (-size * 2.0 * (dx * cut.cos() + dy * cut.sin() + 0.3)).exp());
+                gray += sign * side * (-(dx * dx + dy * dy)).exp();
+            }
+            (light * (128.0 + 110.0 * gray)).clamp(0.0, 255.0).round() as u8
+        };
+        Image::from_pixels(SIDE, SIDE, (0..SIDE * SIDE).map(pixel).collect()).unwrap()
+    }
+
+    /// In a view in which every pixel is valid.
+    pub fn detect(detector: &Detector, image: &Image) -> Vec<Keypoint> {
+        detector.detect(image, &Camera::new(Projection::Perspective).view(image.width(), image.height()))
+    }
+
+    /// The share of the keypoints of the upright blobs that are found again, at the right place and scale and,
+    /// if they have one, with the right angle, when the blobs are turned and scaled and the light changes.
+    pub fn repeatability(detector: &Detector, (angle, factor, light): (f32, f32, f32)) -> f32 {
+        let keypoints = detect(detector, &blobs(0.0, 1.0, 1.0));
+        let again = detect(detector, &blobs(angle, factor, light));
+        let middle = SIDE as f32 / 2.0;
+        let is_again = |keypoint: &&Keypoint| {
+            let (dx, dy) = ((keypoint.x - middle) * factor, (keypoint.y - middle) * factor);
+            let x = middle + dx * angle.cos() - dy * angle.sin();
+            let y = middle + dy * angle.cos() + dx * angle.sin();
+            again.iter().any(|found| {
+                let turn = found.angle.unwrap_or(0.0) - keypoint.angle.map_or(0.0, |old| old + angle);
+                (found.x - x).hypot(found.y - y) < 0.5 * found.scale
+                    && (found.scale / (keypoint.scale * factor)).log2().abs() < 0.33
+                    && turn.cos() > 0.95
+            })
+        };
+        assert!(keypoints.len() >= 40, "{} keypoints", keypoints.len());
+        keypoints.iter().filter(is_again).count() as f32 / keypoints.len() as f32
+    }
+
+    /// Images of any small size, with any kind of view, have only valid keypoints.
+    pub fn assert_keypoints_are_valid(detector: &Detector, (width, height): (usize, usize), seed: u64) {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+        let pixels = (0..width * height).map(|_| 255 * random.random_range(0..2u8)).collect();
+        let image = Image::from_pixels(width, height, pixels).unwrap();
+        let mirror =
+            crate::camera::Mirror { center_x: 0.5, center_y: 0.4, inner_radius: 0.1, outer_radius: 0.45 };
+        for projection in
+            [Projection::Perspective, Projection::Equirectangular, Projection::Omnidirectional(mirror)]
+        {
+            let view = Camera::new(projection).view(width, height);
+            let keypoints = detector.detect(&image, &view);
+            assert!(keypoints.iter().all(|found| view.contains(found.x, found.y, found.scale)));
+            assert!(keypoints.is_sorted_by(|a, b| in_reading_order(a, b) != Ordering::Greater));
         }
     }
 }

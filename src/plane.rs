@@ -144,3 +144,60 @@ impl Gradients {
         simd::gradients(rows, &mut self.lengths, &mut self.turns);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn plane(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Plane {
+        let values = (0..width * height).map(|idx| value(idx % width, idx / width)).collect();
+        Plane { width, height, values }
+    }
+
+    proptest! {
+        #[test]
+        fn blurring_weighs_by_a_gaussian_and_repeats_the_border(
+            (width, height) in (1usize..90, 1usize..12), sigma in 0.3f32..4.0,
+        ) {
+            let original = plane(width, height, |x, y| ((x * 7 + y * 13) % 5) as f32 / 5.0);
+            let mut blurred = Plane::default();
+            original.blur_into(sigma, &mut blurred);
+            let reach = (4.0 * sigma).round().max(1.0) as isize;
+            for (x, y) in [(0, 0), (width / 2, height / 2), (width - 1, height - 1)] {
+                let (mut sum, mut n) = (0.0, 0.0);
+                for (dx, dy) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy))) {
+                    let weight = (-((dx * dx + dy * dy) as f32) / (2.0 * sigma * sigma)).exp();
+                    let at = |position: usize, offset: isize, size: usize| {
+                        (position as isize + offset).clamp(0, size as isize - 1) as usize
+                    };
+                    sum += weight * original.row(at(y, dy, height))[at(x, dx, width)];
+                    n += weight;
+                }
+                prop_assert!((blurred.row(y)[x] - sum / n).abs() < 1e-4);
+            }
+        }
+    }
+
+    #[test]
+    fn halving_undoes_doubling() {
+        for (width, height) in [(1, 1), (5, 4), (8, 3)] {
+            let original = plane(width, height, |x, y| (x * x + 3 * y) as f32);
+            let (mut doubled, mut halved) = (Plane::default(), Plane::default());
+            original.double_into(&mut doubled);
+            doubled.halve_into(&mut halved);
+            assert_eq!((doubled.width(), doubled.height()), (2 * width, 2 * height));
+            assert_eq!(halved, original);
+        }
+    }
+
+    #[test]
+    fn doubling_interpolates() {
+        let mut doubled = Plane::default();
+        plane(2, 2, |x, y| (x + 2 * y) as f32).double_into(&mut doubled);
+        assert_eq!(
+            doubled.values,
+            [0.0, 0.5, 1.0, 1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 2.5, 3.0, 3.0, 2.0, 2.5, 3.0, 3.0]
+        );
+    }
+}

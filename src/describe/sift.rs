@@ -219,3 +219,116 @@ fn scale_to_unit(numbers: &mut [f32]) {
         numbers.iter_mut().for_each(|number| *number /= length);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::testing::*;
+    use super::*;
+    use crate::camera::{Camera, Mirror, Projection};
+    use proptest::prelude::*;
+
+    fn keypoint(x: f32, y: f32, scale: f32, angle: Option<f32>) -> Keypoint {
+        Keypoint { scale, angle, ..Keypoint::new(x, y, 1.0) }
+    }
+
+    #[test]
+    fn an_edge_across_the_square_is_one_direction() {
+        // Brighter toward the angle: the first direction of each cell.
+        for angle in [0.0f32, 0.6, 2.2, 4.0] {
+            let pixel = |idx: usize| {
+                let (dx, dy) = ((idx % 120) as f32 - 60.0, (idx / 120) as f32 - 60.0);
+                (128.0 + (dx * angle.cos() + dy * angle.sin())) as u8
+            };
+            let image = Image::from_pixels(120, 120, (0..120 * 120).map(pixel).collect()).unwrap();
+            let found = [keypoint(60.0, 60.0, 3.0, Some(angle))];
+            let described = SiftDescriptor::default().describe(&image, &found, &whole(&image));
+            for (number_idx, &number) in described.row(0).iter().enumerate() {
+                let is_first = number_idx % N_DIRECTIONS == 0;
+                assert_eq!(number > 0.1, is_first, "{angle} {number_idx}: {number}");
+            }
+        }
+    }
+
+    #[test]
+    fn turned_and_scaled_surroundings_are_described_alike() {
+        use crate::detect::testing::{SIDE, blobs};
+        let middle = SIDE as f32 / 2.0;
+        let (angle, factor) = (1.0f32, 1.4);
+        let (upright, turned) = (blobs(0.0, 1.0, 1.0), blobs(angle, factor, 0.7));
+        for (dx, dy, scale) in [(0.0, 0.0, 2.0), (20.0, -10.0, 3.0), (-30.0, 12.0, 2.5)] {
+            let x = middle + factor * (dx * angle.cos() - dy * angle.sin());
+            let y = middle + factor * (dy * angle.cos() + dx * angle.sin());
+            let old = [keypoint(middle + dx, middle + dy, scale, Some(0.3))];
+            let new = [keypoint(x, y, scale * factor, Some(0.3 + angle))];
+            let old = SiftDescriptor::default().describe(&upright, &old, &whole(&upright));
+            let new = SiftDescriptor::default().describe(&turned, &new, &whole(&turned));
+            let similarity: f32 = old.row(0).iter().zip(new.row(0)).map(|(a, b)| a * b).sum();
+            assert!(similarity > 0.98, "{dx} {dy}: {similarity}");
+        }
+    }
+
+    #[test]
+    fn what_is_outside_the_mirror_does_not_count() {
+        let mirror = Mirror { center_x: 0.5, center_y: 0.5, inner_radius: 0.1, outer_radius: 0.4 };
+        let view = Camera::new(Projection::Omnidirectional(mirror)).view(200, 200);
+        let image = noise(200, 200);
+        // Smoothing spreads what is nearer to the rim than its kernel.
+        let changed = (0..200 * 200).map(|idx| {
+            let (dx, dy) = ((idx % 200) as f32 - 100.0, (idx / 200) as f32 - 100.0);
+            if dx.hypot(dy) > 90.0 { 0 } else { image.pixels()[idx] }
+        });
+        let changed = Image::from_pixels(200, 200, changed.collect()).unwrap();
+        let found = [keypoint(178.0, 100.0, 2.0, None)];
+        let distance = |view: &View| {
+            let [a, b] =
+                [&image, &changed].map(|image| SiftDescriptor::default().describe(image, &found, view));
+            a.row(0).iter().zip(b.row(0)).map(|(a, b)| (a - b) * (a - b)).sum::<f32>().sqrt()
+        };
+        assert!(distance(&view) < 1e-5, "{}", distance(&view));
+        assert!(distance(&whole(&image)) > 0.1, "{}", distance(&whole(&image)));
+    }
+
+    #[test]
+    fn the_scale_space_of_the_default_detector_describes_alike() {
+        use crate::detect::{Detector, Sift, testing::blobs};
+        let image = blobs(0.0, 1.0, 1.0);
+        let (view, sift) = (whole(&image), SiftDescriptor::default());
+        let mut space = ScaleSpace::default();
+        let found = Detector::Sift(Sift::default()).detect_with(&image, &view, &mut space);
+        assert_eq!(sift.describe_in(&space, &found, &view), sift.describe(&image, &found, &view));
+    }
+
+    #[test]
+    fn flat_surroundings_have_no_numbers() {
+        let image = Image::from_pixels(50, 50, vec![90; 2500]).unwrap();
+        let found = [keypoint(25.0, 25.0, 2.0, None)];
+        let described = SiftDescriptor::default().describe(&image, &found, &whole(&image));
+        assert_eq!(described, Matrix::zeros(1, 128));
+    }
+
+    #[test]
+    fn absurd_parameters_are_refused() {
+        for magnification in [0.5, 100.0, f32::NAN] {
+            assert!(SiftDescriptor { magnification }.check().is_err());
+        }
+        assert_eq!(SiftDescriptor::default().check(), Ok(()));
+    }
+
+    proptest! {
+        #[test]
+        fn any_keypoint_gets_a_row_of_at_most_unit_length(
+            (width, height) in (1usize..40, 1usize..40), x in 0.0f32..1.0, y in 0.0f32..1.0,
+            scale in 0.1f32..40.0, angle in prop::option::of(0.0f32..6.3), quarter in 0u8..4,
+        ) {
+            let image = noise(width, height);
+            // Along the axes, too.
+            let angle = angle.or(Some(f32::from(quarter) * std::f32::consts::FRAC_PI_2));
+            let found = [keypoint(x * width as f32, y * height as f32, scale, angle), keypoint(0.0, 0.0, 1.0, None)];
+            let described = SiftDescriptor::default().describe(&image, &found, &whole(&image));
+            for row in described.rows() {
+                let length = row.iter().map(|number| number * number).sum::<f32>().sqrt();
+                prop_assert!(length == 0.0 || (length - 1.0).abs() < 1e-5, "{length}");
+            }
+        }
+    }
+}

@@ -59,14 +59,14 @@ impl HarrisLaplace {
         Ok(())
     }
 
-    /// Of the scale space that keypoints are looked for in.
-    pub fn levels(&self) -> Levels {
+    /// See [`super::Detector::levels`].
+    pub(super) fn levels(&self) -> Levels {
         Levels { sigma: self.sigma, n_layers: 2, doubled: false }
     }
 
-    /// See [`super::Detector::detect`], in the scale space of an image with all of
+    /// See [`super::Detector::detect`], in the scale space of an image with
     /// [`HarrisLaplace::levels`]. The response is det M - alpha trace^2 M, the scale s_I.
-    pub fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
+    pub(super) fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
         let levels = self.levels();
         let mut keypoints = Vec::new();
         let mut harris = Harris::default();
@@ -179,4 +179,61 @@ fn laplacian(plane: &Plane, [x, y]: [usize; 2]) -> f32 {
 /// largest.
 fn vertex([before, middle, after]: [f32; 3]) -> f32 {
     0.5 * (before - after) / (before - 2.0 * middle + after)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Detector;
+    use super::super::testing::*;
+    use super::*;
+    use crate::image::Image;
+    use proptest::prelude::*;
+
+    #[test]
+    fn keypoints_follow_turns_scales_and_light() {
+        let detector = Detector::HarrisLaplace(HarrisLaplace::default());
+        assert_eq!(repeatability(&detector, (0.0, 1.0, 1.0)), 1.0);
+        for change in [(0.7, 1.0, 1.0), (4.0, 1.0, 1.0), (0.0, 0.8, 1.0), (2.0, 1.3, 1.0), (0.0, 1.0, 0.8)] {
+            let share = repeatability(&detector, change);
+            assert!(share >= 0.65, "{change:?}: {share}");
+        }
+    }
+
+    #[test]
+    fn the_corners_of_a_square_are_found() {
+        let is_inside = |position: usize| (80..=119).contains(&position);
+        let pixel = |idx: usize| if is_inside(idx % SIDE) && is_inside(idx / SIDE) { 200 } else { 50 };
+        let image = Image::from_pixels(SIDE, SIDE, (0..SIDE * SIDE).map(pixel).collect()).unwrap();
+        let keypoints = detect(&Detector::HarrisLaplace(HarrisLaplace::default()), &image);
+        // Smoothing moves them inward.
+        for (x, y) in [(79.5, 79.5), (119.5, 79.5), (79.5, 119.5), (119.5, 119.5)] {
+            let is_near = |found: &&Keypoint| (found.x - x).hypot(found.y - y) < 2.0 * found.scale;
+            assert!(keypoints.iter().any(|found| is_near(&found)), "{x} {y}: {keypoints:?}");
+        }
+        let is_on_side =
+            |found: &Keypoint| (90.0..110.0).contains(&found.x) != (90.0..110.0).contains(&found.y);
+        assert!(!keypoints.iter().any(is_on_side), "{keypoints:?}");
+    }
+
+    #[test]
+    fn absurd_parameters_are_refused() {
+        let defaults = HarrisLaplace::default;
+        for harris in [
+            HarrisLaplace { target: 0, ..defaults() },
+            HarrisLaplace { sigma: f32::NAN, ..defaults() },
+            HarrisLaplace { sigma: 100.0, ..defaults() },
+            HarrisLaplace { threshold: -0.1, ..defaults() },
+            HarrisLaplace { laplacian_threshold: 2.0, ..defaults() },
+        ] {
+            assert!(harris.check().is_err(), "{harris:?}");
+        }
+        assert_eq!(defaults().check(), Ok(()));
+    }
+
+    proptest! {
+        #[test]
+        fn small_images_have_valid_keypoints(size in (1usize..50, 1usize..50), seed: u64) {
+            assert_keypoints_are_valid(&Detector::HarrisLaplace(HarrisLaplace::default()), size, seed);
+        }
+    }
 }

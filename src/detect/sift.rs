@@ -82,14 +82,14 @@ impl Sift {
         Ok(())
     }
 
-    /// Of the scale space that keypoints are looked for in.
-    pub fn levels(&self) -> Levels {
+    /// See [`super::Detector::levels`].
+    pub(super) fn levels(&self) -> Levels {
         Levels { sigma: self.sigma, n_layers: self.n_layers, doubled: self.doubled }
     }
 
-    /// See [`super::Detector::detect`], in the scale space of an image with all of [`Sift::levels`]. The
-    /// response is the contrast.
-    pub fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
+    /// See [`super::Detector::detect`], in the scale space of an image with [`Sift::levels`]. The response is
+    /// the contrast.
+    pub(super) fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
         let mut extrema = self.extrema(space);
         extrema.retain(|extremum| view.contains(extremum.x, extremum.y, REACH * extremum.scale));
         keep_strongest(&mut extrema, self.target);
@@ -281,4 +281,80 @@ fn peaks(histogram: &[f32; N_DIRECTIONS]) -> impl Iterator<Item = f32> {
         let turn = (bin as f32 + offset) / N_DIRECTIONS as f32;
         is_peak.then(|| turn.rem_euclid(1.0) * std::f32::consts::TAU)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Detector;
+    use super::super::testing::*;
+    use super::*;
+    use crate::image::Image;
+    use proptest::prelude::*;
+
+    #[test]
+    fn keypoints_follow_turns_scales_and_light() {
+        let detector = Detector::Sift(Sift::default());
+        assert_eq!(repeatability(&detector, (0.0, 1.0, 1.0)), 1.0);
+        for change in [(0.7, 1.0, 1.0), (4.0, 1.0, 1.0), (0.0, 0.8, 1.0), (2.0, 1.3, 1.0), (0.0, 1.0, 0.8)] {
+            let share = repeatability(&detector, change);
+            assert!(share >= 0.65, "{change:?}: {share}");
+        }
+    }
+
+    #[test]
+    fn a_blob_is_found_in_its_middle_at_its_size() {
+        // s^2 / (s^2 + t^2) is what is left of a Gaussian of sigma s in its middle after a blur of sigma t; the
+        // difference between the blurs of t and k t is largest at t = s / sqrt(k).
+        let sigma = 6.0f32;
+        let pixel = |idx: usize| {
+            let (dx, dy) = ((idx % SIDE) as f32 - 90.25, (idx / SIDE) as f32 - 110.5);
+            (200.0 * (-(dx * dx + dy * dy) / (2.0 * sigma * sigma)).exp()).round() as u8
+        };
+        let image = Image::from_pixels(SIDE, SIDE, (0..SIDE * SIDE).map(pixel).collect()).unwrap();
+        let mut keypoints = detect(&Detector::Sift(Sift::default()), &image);
+        // All directions are as good.
+        keypoints.dedup_by_key(|keypoint| keypoint.scale);
+        let [blob] = keypoints[..] else { panic!("{keypoints:?}") };
+        assert!((blob.x - 90.25).abs() < 0.05 && (blob.y - 110.5).abs() < 0.05, "{blob:?}");
+        let expected = sigma * (-0.5f32 / 3.0).exp2();
+        assert!((blob.scale / expected - 1.0).abs() < 0.03, "{blob:?}, {expected}");
+    }
+
+    #[test]
+    fn the_strongest_are_kept() {
+        let image = blobs(0.0, 1.0, 1.0);
+        let all = detect(&Detector::Sift(Sift::default()), &image);
+        let few = detect(&Detector::Sift(Sift { target: 20, ..Sift::default() }), &image);
+        let weakest = few.iter().map(|keypoint| keypoint.response).fold(f32::INFINITY, f32::min);
+        assert_eq!(few.len(), 20);
+        assert!(few.iter().all(|keypoint| all.contains(keypoint)));
+        assert!(all.iter().filter(|keypoint| keypoint.response > weakest).all(|strong| few.contains(strong)));
+    }
+
+    #[test]
+    fn absurd_parameters_are_refused() {
+        let defaults = Sift::default;
+        for sift in [
+            Sift { target: 0, ..defaults() },
+            Sift { n_layers: 0, ..defaults() },
+            Sift { n_layers: 100, ..defaults() },
+            Sift { sigma: f32::NAN, ..defaults() },
+            Sift { sigma: 100.0, ..defaults() },
+            Sift { contrast_threshold: -0.1, ..defaults() },
+            Sift { edge_threshold: 0.5, ..defaults() },
+        ] {
+            assert!(sift.check().is_err(), "{sift:?}");
+        }
+        assert_eq!(defaults().check(), Ok(()));
+    }
+
+    proptest! {
+        #[test]
+        fn small_images_have_valid_keypoints(
+            size in (1usize..50, 1usize..50), seed: u64, doubled: bool, n_layers in 1usize..5,
+        ) {
+            let sift = Sift { doubled, n_layers, ..Sift::default() };
+            assert_keypoints_are_valid(&Detector::Sift(sift), size, seed);
+        }
+    }
 }

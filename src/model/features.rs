@@ -33,7 +33,7 @@ pub struct Features {
 pub struct Scratch {
     /// The valid region for the last frame's size.
     view: Option<View>,
-    /// Of the last frame, if it took one to describe it.
+    /// Of the last frame, if keypoints were looked for in one.
     space: ScaleSpace,
 }
 
@@ -60,34 +60,14 @@ impl Extractor {
         let size = (scaled.width(), scaled.height());
         let same_size = scratch.view.take().filter(|view| (view.width(), view.height()) == size);
         let view = scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)));
-        let (keypoints, descriptors) = self.detect_and_describe(scaled, view, &mut scratch.space);
+        let keypoints = self.detector.detect_with(scaled, view, &mut scratch.space);
+        let descriptors = match &self.descriptor {
+            // The costly part of both, built once.
+            Descriptor::Sift(sift) if self.detector.levels().is_some() => {
+                sift.describe_in(&scratch.space, &keypoints, view)
+            }
+            descriptor => descriptor.describe(scaled, &keypoints, view),
+        };
         Features { keypoints, descriptors, scale: image.width() as f32 / scaled.width() as f32 }
-    }
-    /// SIFT describes in the scale space that keypoints were detected in, if they were: it is the costly part
-    /// of both.
-    fn detect_and_describe(
-        &self,
-        image: &Image,
-        view: &View,
-        space: &mut ScaleSpace,
-    ) -> (Vec<Keypoint>, Matrix) {
-        let (keypoints, descriptors);
-        match (&self.detector, &self.descriptor) {
-            (Detector::Sift(detector), Descriptor::Sift(descriptor)) => {
-                space.build(image, detector.levels(), f32::INFINITY);
-                keypoints = detector.detect(space, view);
-                descriptors = descriptor.describe_in(space, &keypoints, view);
-            }
-            (Detector::HarrisLaplace(detector), Descriptor::Sift(descriptor)) => {
-                space.build(image, detector.levels(), f32::INFINITY);
-                keypoints = detector.detect(space, view);
-                descriptors = descriptor.describe_in(space, &keypoints, view);
-            }
-            (detector, descriptor) => {
-                keypoints = detector.detect(image, view);
-                descriptors = descriptor.describe(image, &keypoints, view);
-            }
-        }
-        (keypoints, descriptors)
     }
 }

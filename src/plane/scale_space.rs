@@ -143,3 +143,65 @@ impl ScaleSpace {
 fn missing_sigma(from: f32, to: f32) -> f32 {
     (to * to - from * from).max(0.01).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LEVELS: Levels = Levels { sigma: 1.6, n_layers: 3, doubled: true };
+
+    fn build(image: &Image, levels: Levels, coarsest: f32) -> ScaleSpace {
+        let mut space = ScaleSpace::default();
+        space.build(image, levels, coarsest);
+        space
+    }
+
+    fn noise(width: usize, height: usize) -> Image {
+        let pixels = (0..width * height).map(|idx| (idx * idx % 251) as u8).collect();
+        Image::from_pixels(width, height, pixels).unwrap()
+    }
+
+    #[test]
+    fn planes_have_the_sigma_of_their_layer() {
+        // The blur of a point has its variance.
+        let pixels = (0..101 * 101).map(|idx| if idx == 50 * 101 + 50 { 255 } else { 0 }).collect();
+        let image = Image::from_pixels(101, 101, pixels).unwrap();
+        let space = build(&image, Levels { doubled: false, ..LEVELS }, f32::INFINITY);
+        for (layer, plane) in space.octaves()[0].iter().enumerate() {
+            let along = plane.row(50);
+            let spread = along.iter().enumerate().map(|(x, value)| value * (x as f32 - 50.0).powi(2));
+            let variance = spread.sum::<f32>() / along.iter().sum::<f32>();
+            let expected = LEVELS.sigma(layer as f32).powi(2) - CAMERA_SIGMA * CAMERA_SIGMA;
+            assert!((variance / expected - 1.0).abs() < 0.02, "{layer}: {variance} {expected}");
+        }
+    }
+
+    #[test]
+    fn points_are_in_the_plane_of_the_nearest_sigma() {
+        let space = build(&noise(100, 80), LEVELS, f32::INFINITY);
+        for (scale, octave_idx, layer) in
+            [(0.1, 0, 0), (0.8, 0, 0), (1.0, 0, 1), (1.6, 0, 3), (2.0, 1, 1), (3.2, 1, 3), (4.1, 2, 1)]
+        {
+            let location = space.locate((30.0, 20.0), scale);
+            assert!(std::ptr::eq(location.plane, &space.octaves()[octave_idx][layer]), "{scale}");
+            let pixel = [0.5, 1.0, 2.0][octave_idx];
+            assert_eq!((location.x, location.y, location.pixel), (30.0 / pixel, 20.0 / pixel, pixel));
+            assert_eq!(location.scale, scale / pixel);
+        }
+        let largest = space.locate((30.0, 20.0), 1e9).plane;
+        assert!(std::ptr::eq(largest, space.octaves().last().unwrap().last().unwrap()));
+    }
+
+    #[test]
+    fn leaving_out_coarser_levels_and_using_the_memory_again_changes_nothing() {
+        let image = noise(100, 80);
+        let whole = build(&image, LEVELS, f32::INFINITY);
+        let mut space = build(&noise(150, 200), Levels { n_layers: 4, ..LEVELS }, f32::INFINITY);
+        for scale in [0.5, 1.0, 1.6, 2.0, 3.3] {
+            space.build(&image, LEVELS, scale);
+            let (found, expected) = (space.locate((5.0, 6.0), scale), whole.locate((5.0, 6.0), scale));
+            assert_eq!(found.plane, expected.plane, "{scale}");
+        }
+        assert!(space.octaves().len() < whole.octaves().len());
+    }
+}
