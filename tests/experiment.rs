@@ -74,9 +74,9 @@ fn write_cold(root: &Path, drives: &[(&str, &str)], labels: &[&str]) {
 /// Tiles whose size tells the room, in gray values that no other frame has; in a mirror or not.
 fn frame(room: usize, seed: u32, in_mirror: bool) -> GrayImage {
     let side = [5, 8, 13][room];
-    GrayImage::from_fn(128, 96, |column, row| {
-        let radius = (f64::from(column) - 64.0).hypot(f64::from(row) - 48.0);
-        if in_mirror && !(8.0..46.0).contains(&radius) {
+    GrayImage::from_fn(192, 144, |column, row| {
+        let radius = (f64::from(column) - 96.0).hypot(f64::from(row) - 72.0);
+        if in_mirror && !(12.0..69.0).contains(&radius) {
             return Luma([0]);
         }
         let tile = (column / side).wrapping_mul(2_654_435_761)
