@@ -13,13 +13,11 @@ mod drives;
 mod plan;
 pub mod report;
 mod run;
-#[cfg(test)]
-mod tests;
 
 pub use cache::Cache;
 pub use drives::{Drive, Drives};
 pub use plan::{Cell, Chart, Occlusion, Plan, Split};
-pub use run::{FrameAnswer, Measured, Step, run};
+pub use run::{FrameAnswer, KeypointCounts, Measured, Step, run};
 
 use crate::model::TrainError;
 use serde::Serialize;

@@ -198,7 +198,7 @@ fn print(plan: &experiment::Plan, measured: &[experiment::Measured], simulated: 
             cell.column.clone(),
             report::summary(measured.rate.as_ref()),
             printed.map_or("-".to_owned(), |rate| format!("{rate:.4}")),
-            format!("{:.0}", measured.n_keypoints.1),
+            format!("{:.0}", measured.keypoints.mean),
         ]);
     }
     say!("{table}")?;

@@ -39,3 +39,22 @@ impl Cache {
         self.folder.join(format!("{key}.json"))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn answers_come_back_and_damaged_ones_count_as_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let cache = Cache::open(folder.path()).unwrap();
+        let answers = vec![FrameAnswer { frame_idx: 3, place: "corridor".to_owned(), n_keypoints: 120 }];
+        assert_eq!(cache.get("a"), None);
+        cache.put("a", &answers).unwrap();
+        assert_eq!(cache.get("a"), Some(answers));
+        let file = folder.path().join("a.json");
+        let bytes = fs::read(&file).unwrap();
+        fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
+        assert_eq!(cache.get("a"), None);
+    }
+}

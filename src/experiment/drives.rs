@@ -164,3 +164,19 @@ fn digest(dataset: &Dataset) -> String {
     }
     hasher.finalize().to_hex().to_string()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_sixteenths_of_the_columns_are_hidden_as_asked() {
+        assert!(Occlusion { sixteenths: 0 }.mask().is_none());
+        for sixteenths in 1..=8 {
+            let mask = Occlusion { sixteenths }.mask().unwrap();
+            let pixels = mask.picture().pixels();
+            let n_hidden = pixels.iter().filter(|&&pixel| pixel == 0).count();
+            assert_eq!(n_hidden * 16, pixels.len() * usize::from(sixteenths));
+        }
+    }
+}

@@ -3,7 +3,7 @@
 mod chart;
 
 use super::run::axes;
-use super::{Cell, Chart, Drives, Experiment, Measured, Plan};
+use super::{Cell, Chart, Drives, Experiment, KeypointCounts, Measured, Plan};
 use crate::evaluate::{Evaluation, Summary};
 use serde::Serialize;
 use std::fmt::Write;
@@ -118,7 +118,7 @@ fn digits(rate: f64) -> String {
 
 fn keypoint_table(plan: &Plan, measured: &[Measured]) -> String {
     table(plan, measured, |_, measured| {
-        let (least, mean, most) = measured.n_keypoints;
+        let KeypointCounts { least, mean, most } = measured.keypoints;
         format!("{mean:.0} ({least} to {most})")
     })
 }
@@ -204,3 +204,20 @@ polyline { fill: none; stroke-width: 2; } .l0 { stroke: var(--c0); } .l1 { strok
 .l3 { stroke: var(--c3); } .l4 { stroke: var(--c4); } .l5 { stroke: var(--c5); } .l6 { stroke: var(--c6); }
 .l7 { stroke: var(--c7); }
 ";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_cannot_become_markup() {
+        assert_eq!(escape("<b>\"Tom & Ann's\"</b>"), "&lt;b&gt;&quot;Tom &amp; Ann's&quot;&lt;/b&gt;");
+    }
+
+    #[test]
+    fn rates_read_as_mean_deviation_and_best() {
+        assert_eq!(summary(Summary::of(&[0.5, 0.75]).as_ref()), ".6250 \u{b1} .1768 (.7500)");
+        assert_eq!(summary(Summary::of(&[1.0]).as_ref()), "1.0000 (1.0000)");
+        assert_eq!(summary(None), "-");
+    }
+}

@@ -33,8 +33,19 @@ pub struct Measured {
     /// Of the best seed: the answers to each answered drive.
     #[serde(skip)]
     pub best_answers: Vec<(usize, Vec<FrameAnswer>)>,
-    /// Keypoints a frame: the least, the mean, the most.
-    pub n_keypoints: (usize, f64, usize),
+    /// Of the best seed.
+    pub keypoints: KeypointCounts,
+}
+
+/// How many keypoints the answered frames have.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct KeypointCounts {
+    /// Of the frame that has fewest.
+    pub least: usize,
+    /// Over the frames.
+    pub mean: f64,
+    /// Of the frame that has most.
+    pub most: usize,
 }
 
 /// What is being done.
@@ -92,17 +103,24 @@ impl Measured {
         let best_seed = (0..overall.len()).max_by(|&a, &b| overall[a].total_cmp(&overall[b]).then(b.cmp(&a)));
         let best_seed = best_seed.unwrap_or_default();
         let best_answers: Vec<_> = seeds.get(best_seed).into_iter().flatten().flatten().cloned().collect();
-        let counts: Vec<usize> =
-            best_answers.iter().flat_map(|(_, answers)| answers.iter().map(|a| a.n_keypoints)).collect();
-        let mean = counts.iter().sum::<usize>() as f64 / counts.len().max(1) as f64;
-        let least = counts.iter().min().copied().unwrap_or_default();
         Self {
             rate: Summary::of(&overall),
             without_border: Summary::of(&rates(|evaluation| evaluation.without_border.rate)),
             best: evaluate(drives, &best_answers),
             best_seed: best_seed as u64,
+            keypoints: KeypointCounts::of(best_answers.iter().flat_map(|(_, answers)| answers)),
             best_answers,
-            n_keypoints: (least, mean, counts.iter().max().copied().unwrap_or_default()),
+        }
+    }
+}
+
+impl KeypointCounts {
+    fn of<'a>(answers: impl Iterator<Item = &'a FrameAnswer>) -> Self {
+        let counts: Vec<usize> = answers.map(|answer| answer.n_keypoints).collect();
+        Self {
+            least: counts.iter().min().copied().unwrap_or_default(),
+            mean: counts.iter().sum::<usize>() as f64 / counts.len().max(1) as f64,
+            most: counts.iter().max().copied().unwrap_or_default(),
         }
     }
 }
@@ -184,9 +202,8 @@ impl Runner<'_> {
             .filter_map(|&idx| self.find(&described_key(config, idx, Occlusion::default())))
             .flat_map(|described| &described.samples)
             .collect();
-        let camera = drive_idxs.first().map(|&idx| self.drives.get(idx).camera.clone());
-        let camera =
-            camera.unwrap_or_else(|| crate::camera::Camera::new(crate::camera::Projection::Perspective));
+        // No split trains on nothing; the drives of one lab share a camera.
+        let camera = self.drives.get(drive_idxs[0]).camera.clone();
         let model = Model::train(&samples, config, camera, |_| ())
             .map_err(|source| ExperimentError::Train { cell: cell.name(), source })?
             .model;
