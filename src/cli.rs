@@ -14,6 +14,7 @@ mod recognize;
 mod serve;
 mod simulate;
 mod train;
+mod tune;
 mod validate;
 
 use clap::{Parser, Subcommand};
@@ -38,6 +39,7 @@ enum Command {
     Train(train::TrainArgs),
     Evaluate(evaluate::EvaluateArgs),
     Validate(validate::ValidateArgs),
+    Tune(tune::TuneArgs),
     Experiment(experiment::ExperimentArgs),
     Recognize(recognize::RecognizeArgs),
     Inspect(inspect::InspectArgs),
@@ -66,6 +68,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Train(args) => train::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Validate(args) => validate::run(&args),
+        Command::Tune(args) => tune::run(&args),
         Command::Experiment(args) => experiment::run(&args),
         Command::Recognize(args) => recognize::run(&args),
         Command::Inspect(args) => inspect::run(&args),

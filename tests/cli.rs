@@ -324,6 +324,37 @@ fn wrong_parameters_are_named() {
 }
 
 #[test]
+fn tuning_writes_a_configuration_that_training_takes() {
+    let folder = TempDir::new().unwrap();
+    for drive in ["monday", "tuesday"] {
+        for room in ROOMS {
+            fs::create_dir_all(folder.path().join("rooms").join(room).join(drive)).unwrap();
+            for shift in 0..4 {
+                let shift = shift + if drive == "monday" { 0 } else { 40 };
+                frame(room, 7 * shift)
+                    .save(folder.path().join(format!("rooms/{room}/{drive}/{shift}.png")))
+                    .unwrap();
+            }
+        }
+    }
+    let (data, best) = (path(&folder, "rooms"), path(&folder, "best.toml"));
+    let tune = ["tune", &data, "--output", &best, "--try", "classifier.c=0.5,2", "--folds", "2", "--json"];
+    let tried = json(&[&tune, &QUICK[..]].concat());
+    assert_eq!(tried.as_array().unwrap().len(), 2);
+    assert_eq!(tried[1]["parameters"][0], "classifier.c=2");
+    let mean = |idx: usize| tried[idx]["rate"]["mean"].as_f64().unwrap();
+    let config: toml::Table = fs::read_to_string(&best).unwrap().parse().unwrap();
+    assert_eq!(config["classifier"]["c"].as_float(), Some(if mean(1) > mean(0) { 2.0 } else { 0.5 }));
+    done(&["train", &data, "--config", &best, "--output", &path(&folder, "models/rooms/1")]);
+
+    assert!(refused(FAILED, &tune).contains("exists already"));
+    let nan = ["tune", &data, "--output", &path(&folder, "other.toml"), "--try", "classifier.c=1,nan"];
+    assert!(refused(FAILED, &nan).contains("c is NaN"));
+    let one_drive = path(&folder, "rooms/bars");
+    assert!(!refused(FAILED, &["tune", &one_drive, "--output", &path(&folder, "x.toml")]).is_empty());
+}
+
+#[test]
 fn a_reader_that_leaves_is_no_failure() {
     let mut command = Command::new(env!("CARGO_BIN_EXE_roomsight"));
     let arguments = ["recognize", "--json", &LAB.model(), &LAB.frame("dots"), &LAB.frame("bars")];

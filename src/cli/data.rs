@@ -93,6 +93,11 @@ pub(super) struct ConfigArgs {
 impl ConfigArgs {
     /// The file, changed by the single parameters.
     pub(super) fn read(&self) -> anyhow::Result<Config> {
+        self.read_with(&[])
+    }
+
+    /// The same, changed by `more` parameters.
+    pub(super) fn read_with(&self, more: &[String]) -> anyhow::Result<Config> {
         let defaults = toml::Table::try_from(Config::default())?;
         let mut table = defaults;
         if let Some(path) = &self.config {
@@ -100,7 +105,7 @@ impl ConfigArgs {
             let file: toml::Table = text.parse().with_context(|| path.display().to_string())?;
             merge(&mut table, file);
         }
-        for parameter in &self.parameters {
+        for parameter in self.parameters.iter().chain(more) {
             merge(&mut table, parse_parameter(parameter)?);
         }
         let config: Config = table.try_into()?;
