@@ -45,10 +45,7 @@ pub fn bars(plan: &Plan, measured: &[Measured]) -> String {
     for (row_idx, row) in rows.iter().enumerate() {
         // Long names stand on lines in turn.
         let y = TOP + PLOT_HEIGHT + 16.0 + (row_idx % 4) as f64 * 13.0;
-        let x = LEFT + (row_idx as f64 + 0.5) * group;
-        let anchor = if row_idx + 1 == rows.len() && rows.len() > 3 { "end" } else { "middle" };
-        let x = if anchor == "end" { WIDTH } else { x };
-        svg += &format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{}</text>\n", escape(row));
+        svg += &label(LEFT + (row_idx as f64 + 0.5) * group, y, row);
         height = height.max(y + 8.0);
     }
     framed(&svg, height)
@@ -77,8 +74,7 @@ pub fn lines(plan: &Plan, measured: &[Measured]) -> String {
         }
     }
     for (row_idx, row) in rows.iter().enumerate() {
-        let (x, y) = (x_of(row_idx), TOP + PLOT_HEIGHT + 16.0);
-        svg += &format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{}</text>\n", escape(row));
+        svg += &label(x_of(row_idx), TOP + PLOT_HEIGHT + 16.0, row);
     }
     framed(&svg, TOP + PLOT_HEIGHT + 26.0)
 }
@@ -155,6 +151,18 @@ fn rate_axis() -> String {
     (0..=10).step_by(2).map(line).collect()
 }
 
+/// Text round a place on the x axis, moved so far that it stays in the picture.
+fn label(x: f64, y: f64, text: &str) -> String {
+    let half = text_width(text) / 2.0;
+    let x = x.min(WIDTH - half).max(half);
+    format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{}</text>\n", escape(text))
+}
+
+/// About how wide a text is.
+fn text_width(text: &str) -> f64 {
+    6.5 * text.chars().count() as f64
+}
+
 fn legend(names: &[&str]) -> String {
     let mut x = LEFT;
     let mut svg = String::new();
@@ -166,7 +174,7 @@ fn legend(names: &[&str]) -> String {
             x + 14.0,
             escape(name)
         );
-        x += 34.0 + 6.5 * name.chars().count() as f64;
+        x += 34.0 + text_width(name);
     }
     svg
 }
