@@ -20,51 +20,42 @@ pub use plan::{Cell, Chart, Occlusion, Plan, Split};
 pub use run::{FrameAnswer, KeypointCounts, Measured, Step, run};
 
 use crate::model::TrainError;
+use clap::ValueEnum;
 use serde::Serialize;
+use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
 /// An experiment of one of the papers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Experiment {
-    /// Local features: Lu, table 1.
+    /// Local features (Lu, table 1)
     Features,
-    /// Keypoints a frame in different light: Lu, figure 5.
+    /// Keypoints a frame in different light (Lu, figure 5)
     Keypoints,
-    /// The number of words: Lu, figure 7.
+    /// The number of words (Lu, figure 7)
     Words,
-    /// Kernels over bags: Lu, table 3.
+    /// Kernels over bags (Lu, table 3)
     Kernels,
-    /// The light that is trained in: Lu, table 4.
+    /// The light that is trained in (Lu, table 4)
     Illumination,
-    /// The best model, its confusion matrices and its errors on the map, against the match kernel: Lu, tables
-    /// 5 to 7.
+    /// Confusion matrices, errors on the map, and the match kernel (Lu, tables 5 to 7)
     Best,
-    /// Parts of the frames hidden: Lu, figure 13.
+    /// Parts of the frames hidden (Lu, figure 13)
     Occlusion,
-    /// Every pair of drives of a lab, by light and path: Ullah, figure 4.
+    /// Every pair of drives of a lab (Ullah, figure 4)
     Dynamic,
-    /// The same parameters in every lab: Ullah, section V.
+    /// The same parameters in every lab (Ullah, section V)
     Geographic,
-    /// Trained on two labs, answered in the third: Ullah, figure 6.
+    /// Rooms of a lab that was never seen (Ullah, figure 6)
     Categorical,
 }
 
-impl Experiment {
-    /// All, in the order of the papers.
-    pub const ALL: [Self; 10] = [
-        Self::Features,
-        Self::Keypoints,
-        Self::Words,
-        Self::Kernels,
-        Self::Illumination,
-        Self::Best,
-        Self::Occlusion,
-        Self::Dynamic,
-        Self::Geographic,
-        Self::Categorical,
-    ];
+impl fmt::Display for Experiment {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(&format!("{self:?}").to_lowercase())
+    }
 }
 
 /// Why an experiment was not run.

@@ -6,8 +6,10 @@
 //! every CPU. The only unsafe code of the project is here: calling a version once the CPU is known to have its
 //! instructions.
 
-// Calling a function compiled for more than the baseline instruction set is unsafe; see above.
-#![allow(unsafe_code)]
+#![allow(
+    unsafe_code,
+    reason = "calling a function compiled for more than the baseline instruction set is unsafe"
+)]
 
 mod fast;
 mod hessian;

@@ -112,9 +112,8 @@ pub fn answer(model: &Model, samples: &[Sample], sample_idx: usize) -> Answered 
     Answered { sample_idx, place: model.places()[recognition.place_idx].clone(), recognition }
 }
 
-/// Counts answers to the described frames of a data set; border frames are told apart where the data set
-/// knows positions.
-pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Evaluation {
+/// Whether each frame of a data set is near a border of rooms; see [`evaluate::near_borders`].
+pub fn near_borders(dataset: &Dataset) -> Vec<Option<bool>> {
     let sightings: Vec<Sighting> = dataset
         .frames
         .iter()
@@ -124,7 +123,13 @@ pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) 
             position: frame.pose.map(|pose| [pose.x, pose.y]),
         })
         .collect();
-    let near_border = evaluate::near_borders(&sightings, evaluate::BORDER_DISTANCE);
+    evaluate::near_borders(&sightings, evaluate::BORDER_DISTANCE)
+}
+
+/// Counts answers to the described frames of a data set; border frames are told apart where the data set
+/// knows positions.
+pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Evaluation {
+    let near_border = near_borders(dataset);
     let answers: Vec<Answer> = answers
         .iter()
         .map(|answered| {

@@ -8,8 +8,10 @@ use crate::experiment::report::{self, Entry, Report};
 use crate::experiment::{self, Cache, Drives, Experiment};
 use crate::model::{Config, Representation};
 use anyhow::{Context, bail};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::fs;
+use std::iter;
 use std::path::{Path, PathBuf};
 
 /// Repeat the experiments of the papers on sequences of COLD, or of the simulated lab
@@ -19,8 +21,8 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 pub(super) struct ExperimentArgs {
     /// Which one
-    #[arg(value_enum)]
-    name: ExperimentName,
+    #[arg(value_parser = Selection::parser())]
+    name: Selection,
     /// Sequences of the COLD database, or of the simulated lab
     #[arg(long, value_name = "DIR")]
     data: PathBuf,
@@ -43,30 +45,25 @@ pub(super) struct ExperimentArgs {
     config: ConfigArgs,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum ExperimentName {
-    /// All of them; those that the data does not allow are left out, and named
+/// What may be asked for.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Selection {
     All,
-    /// Local features (Lu, table 1)
-    Features,
-    /// Keypoints a frame in different light (Lu, figure 5)
-    Keypoints,
-    /// The number of words (Lu, figure 7)
-    Words,
-    /// Kernels over bags (Lu, table 3)
-    Kernels,
-    /// The light that is trained in (Lu, table 4)
-    Illumination,
-    /// Confusion matrices, errors on the map, and the match kernel (Lu, tables 5 to 7)
-    Best,
-    /// Parts of the frames hidden (Lu, figure 13)
-    Occlusion,
-    /// Every pair of drives of a lab (Ullah, figure 4)
-    Dynamic,
-    /// The same parameters in every lab (Ullah, section V)
-    Geographic,
-    /// Rooms of a lab that was never seen (Ullah, figure 6)
-    Categorical,
+    One(Experiment),
+}
+
+impl Selection {
+    fn includes(self, experiment: Experiment) -> bool {
+        self == Self::All || self == Self::One(experiment)
+    }
+
+    fn parser() -> impl TypedValueParser<Value = Self> {
+        let all =
+            PossibleValue::new("all").help("All; those that the data does not allow are left out, and named");
+        let one = Experiment::value_variants().iter().filter_map(Experiment::to_possible_value);
+        PossibleValuesParser::new(iter::once(all).chain(one))
+            .map(|name| Experiment::from_str(&name, false).map_or(Self::All, Self::One))
+    }
 }
 
 /// Measures, prints the tables, writes the report.
@@ -86,7 +83,7 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
     for (camera, experiments) in by_camera(args) {
         let dataset = match dataset.clone().with_camera(camera) {
             Ok(dataset) => dataset,
-            Err(error) if args.name == ExperimentName::All => {
+            Err(error) if args.name == Selection::All => {
                 say!("left out: {}: {error}", names(&experiments))?;
                 continue;
             }
@@ -98,7 +95,7 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
         for experiment in experiments {
             match experiment.plan(&drives, &config) {
                 Ok(plan) => plans.push(plan),
-                Err(error) if args.name == ExperimentName::All => say!("left out: {error}")?,
+                Err(error) if args.name == Selection::All => say!("left out: {error}")?,
                 Err(error) => return Err(error.into()),
             }
         }
@@ -132,7 +129,7 @@ fn write(path: &Path, text: &str) -> anyhow::Result<()> {
 /// The experiments asked for, by the camera whose frames they take.
 fn by_camera(args: &ExperimentArgs) -> Vec<(CameraKind, Vec<Experiment>)> {
     let wanted: Vec<Experiment> =
-        Experiment::ALL.into_iter().filter(|&experiment| args.name.includes(experiment)).collect();
+        Experiment::value_variants().iter().copied().filter(|&one| args.name.includes(one)).collect();
     if let Some(camera) = args.camera {
         return vec![(camera.into(), wanted)];
     }
@@ -152,30 +149,8 @@ fn paper_camera(experiment: Experiment) -> CameraKind {
     }
 }
 
-impl ExperimentName {
-    fn includes(self, experiment: Experiment) -> bool {
-        match self {
-            Self::All => true,
-            Self::Features => experiment == Experiment::Features,
-            Self::Keypoints => experiment == Experiment::Keypoints,
-            Self::Words => experiment == Experiment::Words,
-            Self::Kernels => experiment == Experiment::Kernels,
-            Self::Illumination => experiment == Experiment::Illumination,
-            Self::Best => experiment == Experiment::Best,
-            Self::Occlusion => experiment == Experiment::Occlusion,
-            Self::Dynamic => experiment == Experiment::Dynamic,
-            Self::Geographic => experiment == Experiment::Geographic,
-            Self::Categorical => experiment == Experiment::Categorical,
-        }
-    }
-}
-
 fn names(experiments: &[Experiment]) -> String {
-    experiments
-        .iter()
-        .map(|experiment| format!("{experiment:?}").to_lowercase())
-        .collect::<Vec<_>>()
-        .join(", ")
+    experiments.iter().map(Experiment::to_string).collect::<Vec<_>>().join(", ")
 }
 
 fn quick(mut config: Config) -> Config {

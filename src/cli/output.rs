@@ -50,7 +50,7 @@ pub fn quoted(argument: &Path) -> String {
 
 /// A progress bar on standard error for work of `n_steps`; silent when that is no terminal.
 pub fn progress(label: &str, n_steps: usize) -> ProgressBar {
-    let style = ProgressStyle::with_template("{prefix:>20} [{bar:40}] {pos}/{len} {eta} left");
+    let style = ProgressStyle::with_template("{prefix:>20} [{bar:40}] {pos}/{len} {eta} left {wide_msg}");
     ProgressBar::new(n_steps as u64)
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "))
         .with_prefix(label.to_owned())

@@ -2,6 +2,7 @@
 
 use super::data::{self, ConfigArgs, DataArgs};
 use super::output::{self, say};
+use crate::camera::Camera;
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Summary;
 use crate::model::{Config, Extractor};
@@ -75,7 +76,8 @@ pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
         .collect::<anyhow::Result<_>>()?;
     let dataset = args.data.open(None)?;
     dataset.check()?;
-    let mut tuner = Tuner { args, dataset: &dataset, described: None };
+    let camera = args.config.camera(&dataset)?;
+    let mut tuner = Tuner { args, dataset: &dataset, camera, described: None };
     let bar = output::progress("trying", configs.len());
     let mut tried = Vec::new();
     for (parameters, config) in configs {
@@ -114,16 +116,16 @@ fn combinations(tries: &[String]) -> anyhow::Result<Vec<Vec<String>>> {
 struct Tuner<'a> {
     args: &'a TuneArgs,
     dataset: &'a Dataset,
+    camera: Camera,
     /// The frames as the last configuration described them.
     described: Option<(Config, Described)>,
 }
 
 impl Tuner<'_> {
     fn measure(&mut self, parameters: Vec<String>, config: Config) -> anyhow::Result<Tried> {
-        let camera = self.args.config.camera(self.dataset)?;
         let described = match self.described.take() {
             Some((before, described)) if describes_alike(&before, &config) => described,
-            _ => data::describe(self.dataset, &Extractor::new(&config, camera.clone()))?,
+            _ => data::describe(self.dataset, &Extractor::new(&config, self.camera.clone()))?,
         };
         let (_, described) = self.described.insert((config.clone(), described));
         let (mut rates, mut means) = (Vec::new(), Vec::new());
@@ -133,7 +135,7 @@ impl Tuner<'_> {
                 bail!("no room has sequences both to train and to answer: drive through the rooms again");
             }
             let config = Config { seed, ..config.clone() };
-            let answers = validate::run(&described.samples, &rounds, (&config, &camera), || ())?;
+            let answers = validate::run(&described.samples, &rounds, (&config, &self.camera), || ())?;
             let evaluation = validate::evaluate(self.dataset, described, &answers);
             rates.extend(evaluation.overall.rate);
             means.extend(evaluation.mean_by_place);

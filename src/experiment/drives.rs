@@ -4,9 +4,9 @@ use super::{ExperimentError, Occlusion};
 use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::dataset::cold::{DrivenPath, Illumination, Part, SequenceName};
 use crate::dataset::{Dataset, Described};
-use crate::evaluate::{self, Sighting};
 use crate::image::{Image, Limits};
 use crate::model::{Config, Extractor};
+use crate::validate;
 use std::collections::BTreeMap;
 use std::fs;
 
@@ -18,7 +18,7 @@ pub struct Drive {
     pub sequence: String,
     /// Its frames alone.
     pub dataset: Dataset,
-    /// Whether each frame is near a border of rooms; see [`evaluate::near_borders`].
+    /// Whether each frame is near a border of rooms; see [`validate::near_borders`].
     pub near_border: Vec<Option<bool>>,
     /// The camera that took it.
     pub camera: Camera,
@@ -49,7 +49,7 @@ impl Drives {
             if dataset.places().len() < 2 {
                 return Err(ExperimentError::OneRoom(sequence.to_owned()));
             }
-            let near_border = near_borders(&dataset).into_iter().step_by(stride).collect();
+            let near_border = validate::near_borders(&dataset).into_iter().step_by(stride).collect();
             dataset.frames = dataset.frames.into_iter().step_by(stride).collect();
             let camera = match cameras.get(&name.lab) {
                 Some(camera) => Camera::clone(camera),
@@ -139,19 +139,6 @@ fn camera_of(dataset: &Dataset) -> Option<Camera> {
         CameraKind::Omnidirectional => Projection::Omnidirectional(dataset.find_mirror(&Limits::default())?),
     };
     Some(Camera::new(projection))
-}
-
-fn near_borders(dataset: &Dataset) -> Vec<Option<bool>> {
-    let sightings: Vec<Sighting> = dataset
-        .frames
-        .iter()
-        .map(|frame| Sighting {
-            sequence: &frame.sequence,
-            place: &frame.place,
-            position: frame.pose.map(|pose| [pose.x, pose.y]),
-        })
-        .collect();
-    evaluate::near_borders(&sightings, evaluate::BORDER_DISTANCE)
 }
 
 /// Frames that cannot be read have no share in it; describing them reports them.

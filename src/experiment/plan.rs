@@ -98,7 +98,10 @@ impl Experiment {
     }
 
     fn missing(self, needed: &str, drives: &Drives) -> ExperimentError {
-        let experiment = format!("{self:?}").to_lowercase();
-        ExperimentError::MissingDrives { experiment, needed: needed.to_owned(), present: drives.names() }
+        ExperimentError::MissingDrives {
+            experiment: self.to_string(),
+            needed: needed.to_owned(),
+            present: drives.names(),
+        }
     }
 }
