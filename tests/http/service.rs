@@ -17,6 +17,9 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::{JoinHandle, spawn_blocking};
 
+/// Patience with what must happen, on the slowest machine.
+pub const SOON: Duration = Duration::from_secs(30);
+
 /// A running service. It stops when told, or when dropped.
 pub struct Server {
     pub url: String,
@@ -189,11 +192,11 @@ pub async fn success(response: reqwest::Response) -> Value {
     serde_json::from_str(&text).expect("JSON")
 }
 
-/// Reads until an object of JSON ends, the other side closes, or says nothing for this long.
-pub async fn read_raw(mut stream: TcpStream, patience: Duration) -> String {
+/// Reads until an object of JSON ends, the other side closes, or says nothing for long.
+pub async fn read_raw(mut stream: TcpStream) -> String {
     let read = move || {
         let (mut text, mut bytes) = (String::new(), [0; 4096]);
-        stream.set_read_timeout(Some(patience)).expect("a time-out can be set");
+        stream.set_read_timeout(Some(SOON)).expect("a time-out can be set");
         while !text.ends_with('}')
             && let Ok(n_bytes @ 1..) = stream.read(&mut bytes)
         {
@@ -202,4 +205,12 @@ pub async fn read_raw(mut stream: TcpStream, patience: Duration) -> String {
         text
     };
     spawn_blocking(read).await.expect("no panic")
+}
+
+/// Waits for what must come next. It blocks: the service needs another thread.
+pub fn read_exactly(stream: &mut TcpStream, text: &str) {
+    let mut bytes = vec![0; text.len()];
+    stream.set_read_timeout(Some(SOON)).expect("a time-out can be set");
+    stream.read_exact(&mut bytes).expect("an answer");
+    assert_eq!(String::from_utf8_lossy(&bytes), text);
 }
