@@ -10,6 +10,10 @@ use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::{sleep, timeout};
 
 const SLOW_HEAD: &str = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: 1000\r\n\r\nonly this";
+/// The service asks for this body when it has admitted the request.
+const ASKED_HEAD: &str =
+    "POST /v1/recognize HTTP/1.1\r\nhost: x\r\nexpect: 100-continue\r\ncontent-length: 1000\r\n\r\n";
+const CONTINUE: &str = "HTTP/1.1 100 Continue\r\n\r\n";
 
 /// A service of one thread with a queue of this length.
 async fn one_thread(queue: usize) -> Server {
@@ -68,10 +72,8 @@ async fn slow_bodies_are_ended_and_hold_nobody_back() {
     let server = Server::start(settings).await;
     let mut slow = Vec::new();
     for _ in 0..5 {
-        // The service asks for the body when it has admitted the request.
-        let head = SLOW_HEAD.replace("\r\n\r\n", "\r\nexpect: 100-continue\r\n\r\n");
-        let mut stream = server.send_raw(head.as_bytes());
-        read_exactly(&mut stream, "HTTP/1.1 100 Continue\r\n\r\n");
+        let mut stream = server.send_raw(ASKED_HEAD.as_bytes());
+        read_exactly(&mut stream, CONTINUE);
         slow.push(stream);
     }
     success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
@@ -177,6 +179,9 @@ async fn a_deadline_that_passes_in_the_queue_is_told() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stop_answers_what_was_accepted_and_refuses_the_rest() {
     let mut server = one_thread(3).await;
+    // A request that never ends keeps the service here until all has been asked of it.
+    let mut unfinished = server.send_raw(ASKED_HEAD.as_bytes());
+    read_exactly(&mut unfinished, CONTINUE);
     let accepted = fill(&server, 4).await;
     server.stop();
     timeout(SOON, async { while server.get("/readyz").send().await.unwrap().status() == 200 {} })
@@ -188,6 +193,7 @@ async fn a_stop_answers_what_was_accepted_and_refuses_the_rest() {
     for response in accepted {
         success(response.await.unwrap().unwrap()).await;
     }
+    drop(unfinished);
     timeout(SOON, server.stopped()).await.expect("it ends when all are answered");
 }
 
