@@ -16,8 +16,9 @@
 //! | 8 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
 //! | 9 | [`validate`] | rates of a configuration over splits and seeds |
 //! | 10 | [`experiment`] | the experiments of the papers |
-//! | 11 | [`server`] | the HTTP service |
-//! | 12 | [`cli`] | the commands |
+//! | 11 | [`protocol`] | what travels between robots and the service |
+//! | 12 | [`server`] | the HTTP service |
+//! | 13 | [`cli`] | the commands |
 //!
 //! Groups 1 to 7 are the recognition core. They know no async, no HTTP, no clock and no hidden
 //! randomness: seeds are arguments.
@@ -48,6 +49,8 @@ pub mod simulate;
 pub mod validate;
 
 pub mod experiment;
+
+pub mod protocol;
 
 pub mod server;
 

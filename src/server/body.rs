@@ -5,9 +5,9 @@
 //! whole. What slow senders can hold is memory, which is bounded for all bodies together.
 
 use super::App;
-use super::api::FrameJson;
 use super::pool::QueueFull;
 use super::problem::Problem;
+use crate::protocol::rest::FrameJson;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{FromRequest, Multipart, Request};
 use axum::http::{HeaderMap, header};

@@ -1,7 +1,7 @@
 //! The OpenAPI document, made from the handlers and the kinds of problem.
 
-use super::api::ProblemBody;
 use super::problem::{Kind, MEDIA_TYPE};
+use crate::protocol::rest::ProblemBody;
 use axum::http::header::RETRY_AFTER;
 use std::collections::BTreeMap;
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};

@@ -1,13 +1,13 @@
 //! Every error that a caller can see, as RFC 9457 `application/problem+json`. The only place that
 //! knows status codes.
 
-use super::api::ProblemBody;
 use super::auth::AuthError;
 use super::body::BodyError;
 use super::pool::QueueFull;
 use super::recognize::RecognizeError;
 use super::registry::LookupError;
 use crate::image::ImageError;
+use crate::protocol::rest::ProblemBody;
 use Kind as K;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};

@@ -1,11 +1,11 @@
 //! What a request asks for beside its frame, checked before its body is read.
 
 use super::App;
-use super::api::RecognizeQuery;
 use super::observe::RequestContext;
 use super::problem::Problem;
 use super::recognize::Task;
 use super::registry::Choice;
+use crate::protocol::rest::RecognizeQuery;
 use axum::Extension;
 use axum::extract::{FromRequestParts, Query};
 use axum::http::request::Parts;

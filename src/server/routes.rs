@@ -1,9 +1,5 @@
 //! The paths of the API, grouped by who may call them.
 
-use super::api::{
-    Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, ModelInfo, ModelList, RecognizeQuery,
-    VersionInfo,
-};
 use super::body::{Frame, Frames, OneFrame};
 use super::observe;
 use super::openapi::{
@@ -12,6 +8,10 @@ use super::openapi::{
 use super::problem::{Kind, Problem};
 use super::query::Asked;
 use super::{App, auth, recognize};
+use crate::protocol::rest::{
+    Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, ModelInfo, ModelList, RecognizeQuery,
+    VersionInfo,
+};
 use axum::extract::rejection::PathRejection;
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::HeaderName;

@@ -1,0 +1,120 @@
+//! What dashboards are told: events as they happen, and who streams.
+
+use super::rest::{ModelName, RoomProbability, TimingsMs};
+use super::stream::{DropReason, Mode};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use utoipa::ToSchema;
+
+/// Something that happened, as the data of a server-sent event; the event's name is `type`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum Event {
+    /// A frame was answered.
+    Answer(Box<AnswerEvent>),
+    /// A robot's stream began, or was resumed.
+    RobotJoined(RobotName),
+    /// A robot's connection ended; its stream can be resumed for a while.
+    RobotLeft(RobotName),
+    /// Another version of a model serves.
+    ModelChanged {
+        /// What serves from now on.
+        to: ModelName,
+    },
+    /// This reader was too slow: the oldest events that it had not read are gone.
+    Lost {
+        /// How many.
+        events: u64,
+    },
+}
+
+/// Whose stream.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct RobotName {
+    /// The stream.
+    pub session: String,
+    /// The robot, where it has said so, else the name of its key.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robot: Option<String>,
+}
+
+/// A frame that was answered.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct AnswerEvent {
+    /// The robot, where known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robot: Option<String>,
+    /// The stream; left out for a single request.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub session: Option<String>,
+    /// The room: of the stream's filter where there is one.
+    pub room: String,
+    /// Its probability.
+    pub probability: f32,
+    /// The rooms with their probabilities, the most probable first.
+    pub probabilities: Vec<RoomProbability>,
+    /// Whether the frame's own answer is one to act on.
+    pub known: bool,
+    /// From the frame's arrival to its answer, in milliseconds.
+    pub latency_ms: f64,
+}
+
+/// All robots that stream.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct RobotList {
+    /// By session.
+    pub robots: Vec<RobotInfo>,
+}
+
+/// A robot that streams.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct RobotInfo {
+    /// Its stream and its name.
+    #[serde(flatten)]
+    pub name: RobotName,
+    /// Whether its connection stands; a stream without one can be resumed for a while.
+    pub connected: bool,
+    /// For how long it has been streaming, in seconds.
+    pub streaming_s: f64,
+    /// How it streams.
+    pub mode: Mode,
+    /// Its room: of the stream's filter where there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub room: Option<String>,
+    /// For how long it has been in the room, in seconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_room_s: Option<f64>,
+    /// What became of its frames.
+    pub frames: FrameCounts,
+    /// Its last answers, the newest first.
+    pub answers: Vec<PastAnswer>,
+}
+
+/// What became of a stream's frames.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct FrameCounts {
+    /// Taken in.
+    pub accepted: u64,
+    /// Answered with a room.
+    pub results: u64,
+    /// Answered with an error.
+    pub errors: u64,
+    /// Not looked at, by reason.
+    #[schema(value_type = std::collections::HashMap<String, u64>)]
+    pub dropped: BTreeMap<DropReason, u64>,
+}
+
+/// An answer of a while ago.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct PastAnswer {
+    /// Which frame.
+    pub seq: u64,
+    /// The room: of the stream's filter where there is one.
+    pub room: String,
+    /// Its probability.
+    pub probability: f32,
+    /// Where the time went.
+    pub timings_ms: TimingsMs,
+    /// How long ago, in seconds.
+    pub ago_s: f64,
+}

@@ -1,0 +1,266 @@
+//! What travels over REST, as JSON.
+
+use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
+use utoipa::{IntoParams, ToSchema};
+
+/// What a caller may ask about a frame.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct RecognizeQuery {
+    /// The model that answers; left out: the default one.
+    pub model: Option<String>,
+    /// Its version; left out: the one that serves.
+    pub version: Option<u64>,
+    /// The label its version carries, instead of `version`.
+    #[param(example = "stable")]
+    pub label: Option<String>,
+    /// Who asks. Sent back, and in the log.
+    #[param(example = "wall-e", max_length = 64)]
+    pub robot: Option<String>,
+    /// When the frame was taken, in any notation. Sent back as it came.
+    #[param(example = "2030-01-31T12:00:00.250Z", max_length = 64)]
+    pub captured_at: Option<String>,
+    /// How long after the arrival of the request the frame may wait before it is looked at.
+    #[param(example = 200)]
+    pub deadline_ms: Option<u64>,
+    /// How many of the most probable rooms to name; left out: all.
+    #[param(minimum = 1, example = 3)]
+    pub top: Option<usize>,
+    /// Whether to tell which keypoints spoke for and against the room.
+    #[serde(default)]
+    pub explain: bool,
+}
+
+/// A frame as JSON.
+#[derive(Debug, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+#[schema(example = json!({"frame": "/9j/4AAQSkZJRgABAQ..."}))]
+pub struct FrameJson<'a> {
+    /// The image in base64.
+    #[serde(borrow)]
+    pub frame: Cow<'a, str>,
+}
+
+/// Which room a frame shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[schema(example = json!({
+    "room": "kitchen", "known": true, "probability": 0.83,
+    "probabilities": [{"room": "kitchen", "probability": 0.83}, {"room": "corridor", "probability": 0.17}],
+    "model": {"name": "lab", "version": 1, "epoch": 1, "digest": "5f0c2a9be1d34c77"},
+    "keypoints": 182,
+    "timings_ms": {"queue": 0.05, "decode": 1.9, "features": 2.4, "classify": 0.3},
+    "request_id": "7d1f3c0a9b2e4d58", "robot": "wall-e"
+}))]
+pub struct Answer {
+    /// The most probable room.
+    pub room: String,
+    /// Whether frames answered with this confidence were mostly right when the model was
+    /// validated; do not act on the room where false.
+    pub known: bool,
+    /// The room's probability, 0 to 1.
+    pub probability: f32,
+    /// The rooms with their probabilities, the most probable first; all of them sum to 1.
+    pub probabilities: Vec<RoomProbability>,
+    /// The model that answered.
+    pub model: ModelName,
+    /// The number of keypoints the answer rests on; few say little.
+    pub keypoints: usize,
+    /// Where the time went.
+    pub timings_ms: TimingsMs,
+    /// The request, as in the header `X-Request-Id` and the log.
+    pub request_id: String,
+    /// The robot, as sent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub robot: Option<String>,
+    /// When the frame was taken, as sent.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub captured_at: Option<String>,
+    /// Where asked for: the keypoints that spoke for and against the room, strongest first.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub evidence: Option<Vec<KeypointEvidence>>,
+}
+
+/// A room and its probability.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct RoomProbability {
+    /// The room.
+    pub room: String,
+    /// Its probability, 0 to 1.
+    pub probability: f32,
+}
+
+/// The model that answered.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ModelName {
+    /// Its name.
+    pub name: String,
+    /// Its version.
+    pub version: u64,
+    /// How many times the serving version of this name was set.
+    pub epoch: u64,
+    /// The first 16 digits of its BLAKE3 digest.
+    pub digest: String,
+}
+
+/// Where the time of one frame went, in milliseconds. Also in the header `Server-Timing`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct TimingsMs {
+    /// Waiting for a thread.
+    pub queue: f64,
+    /// Bytes to pixels.
+    pub decode: f64,
+    /// Pixels to described keypoints.
+    pub features: f64,
+    /// Keypoints to probabilities.
+    pub classify: f64,
+}
+
+/// One keypoint's share in an answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct KeypointEvidence {
+    /// Column in the frame as sent, in pixels.
+    pub x: f32,
+    /// Row in the frame as sent, in pixels.
+    pub y: f32,
+    /// The word of the vocabulary it was assigned to.
+    pub word: usize,
+    /// Its contribution to the room's decision value; negative speaks against it.
+    pub weight: f32,
+}
+
+/// The answers to a batch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct BatchAnswer {
+    /// One for each frame, in the order sent.
+    pub results: Vec<BatchResult>,
+    /// The request, as in the header `X-Request-Id` and the log.
+    pub request_id: String,
+}
+
+/// What became of one frame of a batch.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum BatchResult {
+    /// It was recognized.
+    Answer(Answer),
+    /// It was not.
+    Error(ProblemBody),
+}
+
+/// The models there are.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ModelList {
+    /// The model of requests that name none.
+    pub default: String,
+    /// All of them, by name.
+    pub models: Vec<ModelInfo>,
+}
+
+/// One model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ModelInfo {
+    /// Its name.
+    pub name: String,
+    /// The version that serves.
+    pub serving: Option<u64>,
+    /// Its versions, the highest first.
+    pub versions: Vec<VersionInfo>,
+}
+
+/// One version of a model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct VersionInfo {
+    /// Its number.
+    pub version: u64,
+    /// What is true of it.
+    pub state: VersionState,
+    /// What it serves as.
+    pub labels: Vec<String>,
+    /// Why it does not serve.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub failure: Option<FailureInfo>,
+    /// How many times the serving version of this name was set, up to this one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub epoch: Option<u64>,
+    /// The BLAKE3 digest of the model file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub digest: Option<String>,
+    /// The rooms it tells apart.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rooms: Option<Vec<String>>,
+    /// How it was trained and how well it did; asked for by version only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(value_type = Option<Object>)]
+    pub card: Option<serde_json::Value>,
+}
+
+/// What is true of a version.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum VersionState {
+    /// It is there; a higher version serves.
+    Discovered,
+    /// It serves.
+    Ready,
+    /// It was tried and will not serve.
+    Failed,
+}
+
+/// Why a version does not serve.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FailureInfo {
+    /// `loading` or `warming`.
+    pub stage: String,
+    /// What was wrong.
+    pub reason: String,
+}
+
+/// How the service is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Health {
+    /// `live` or `ready`.
+    pub status: String,
+}
+
+/// A kind of problem.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct KindInfo {
+    /// Its name, a path.
+    pub r#type: String,
+    /// What it is.
+    pub title: String,
+    /// The HTTP status it comes with.
+    pub status: u16,
+    /// What to do about it.
+    pub advice: String,
+}
+
+/// An error, RFC 9457.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[schema(example = json!({
+    "type": "/problems/queue-full", "title": "The queue is full", "status": 429,
+    "detail": "the queue is full; try again after the time in Retry-After",
+    "request_id": "7d1f3c0a9b2e4d58"
+}))]
+pub struct ProblemBody {
+    /// The kind of problem, a path that can be read and never changes.
+    pub r#type: String,
+    /// The kind in a few words.
+    pub title: String,
+    /// The HTTP status.
+    pub status: u16,
+    /// What is wrong with this request and what to do about it.
+    pub detail: String,
+    /// The request, as in the header `X-Request-Id` and the log.
+    pub request_id: String,
+}
+
+impl TimingsMs {
+    /// As the value of the header `Server-Timing`.
+    pub fn header(&self) -> String {
+        let Self { queue, decode, features, classify } = self;
+        format!("queue;dur={queue}, decode;dur={decode}, features;dur={features}, classify;dur={classify}")
+    }
+}

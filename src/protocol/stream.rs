@@ -1,0 +1,243 @@
+//! The messages of a stream: `roomsight.v1`, one WebSocket a robot.
+//!
+//! Text messages are JSON objects that name their `type`; a binary message is a frame, with or without a
+//! [header](super::header). Every accepted frame gets exactly one of `result`, `dropped` or `error` with its
+//! `seq`, in increasing order of `seq`.
+
+use super::rest::{Answer, ModelName, ProblemBody, RoomProbability};
+use serde::{Deserialize, Serialize};
+use utoipa::ToSchema;
+
+/// The subprotocol that both sides name.
+pub const SUBPROTOCOL: &str = "roomsight.v1";
+
+/// What begins the subprotocol that carries a key, for browsers, which cannot set `Authorization`.
+pub const KEY_SUBPROTOCOL_PREFIX: &str = "key.";
+
+/// What a robot sends as text.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum ClientMessage {
+    /// Changes the stream.
+    Configure(Configure),
+}
+
+/// How the stream shall go on. What is left out stays as it is.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Configure {
+    /// Who streams.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(max_length = 64)]
+    pub robot: Option<String>,
+    /// The name of the model that answers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
+    /// What happens to frames that come faster than they are answered.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mode: Option<Mode>,
+    /// With the mode `sampled`: the least time between two frames that are looked at.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schema(minimum = 1, maximum = 3_600_000)]
+    pub interval_ms: Option<u64>,
+    /// The filter over the rooms: whether there is one, or how it weighs frames.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filter: Option<FilterChoice>,
+    /// How long a frame may wait before it is looked at; 0: for ever.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub deadline_ms: Option<u64>,
+    /// How many of the most probable rooms to name; 0: all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub top: Option<usize>,
+}
+
+/// What happens to frames that come faster than they are answered.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Mode {
+    /// One frame waits; a newer one takes its place before it is decoded.
+    #[default]
+    Latest,
+    /// None is replaced. Beyond the window the service stops reading, so that TCP holds the sender back.
+    Lossless,
+    /// As `latest`, and at most one frame an interval is looked at.
+    Sampled,
+}
+
+/// The filter of a stream.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(untagged)]
+pub enum FilterChoice {
+    /// Whether there is one.
+    Switch(bool),
+    /// There is one.
+    With(FilterSettings),
+}
+
+/// How the filter weighs frames.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct FilterSettings {
+    /// How much one frame counts, above 0 to 1: lower is steadier and later to notice a change of room.
+    pub trust: f32,
+}
+
+/// How a stream is configured.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct StreamSettings {
+    /// Who streams.
+    pub robot: Option<String>,
+    /// The name of the model that answers.
+    pub model: String,
+    /// What happens to frames that come faster than they are answered.
+    pub mode: Mode,
+    /// With the mode `sampled`: the least time between two frames that are looked at.
+    pub interval_ms: Option<u64>,
+    /// The filter, if there is one.
+    pub filter: Option<FilterSettings>,
+    /// How long a frame may wait before it is looked at.
+    pub deadline_ms: Option<u64>,
+    /// How many of the most probable rooms are named.
+    pub top: Option<usize>,
+}
+
+/// What the service sends, always as text.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(tag = "type", rename_all = "snake_case")]
+pub enum ServerMessage {
+    /// The stream begins, or goes on.
+    Hello(Box<Hello>),
+    /// The stream is configured so from the next frame on.
+    Configured {
+        /// All of it.
+        settings: StreamSettings,
+    },
+    /// Which room a frame shows.
+    Result(Box<StreamResult>),
+    /// A frame was not looked at.
+    Dropped {
+        /// Which frame.
+        seq: u64,
+        /// Why.
+        reason: DropReason,
+    },
+    /// A frame, or a text message, could not be used. The stream lives on.
+    Error {
+        /// Which frame; left out where it is no accepted frame.
+        #[serde(skip_serializing_if = "Option::is_none")]
+        seq: Option<u64>,
+        /// What is wrong.
+        problem: ProblemBody,
+    },
+    /// From a frame on, another model answers.
+    ModelChanged(Box<ModelChanged>),
+    /// The service stops: frames are no longer read, and the stream closes when all are answered.
+    Draining,
+}
+
+/// The first message of a connection.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Hello {
+    /// `roomsight.v1`.
+    pub protocol: String,
+    /// Names the stream. A connection that breaks is resumed with `?session=SESSION&last_seq=SEQ`, SEQ being
+    /// the last frame whose answer arrived.
+    pub session: String,
+    /// Whether this is a stream that goes on. Answers after `last_seq` that are still kept follow at once.
+    pub resumed: bool,
+    /// The number of the next frame that brings none.
+    pub next_seq: u64,
+    /// How the stream is configured.
+    pub settings: StreamSettings,
+    /// What it is limited to.
+    pub limits: StreamLimits,
+    /// The modes there are.
+    pub modes: Vec<Mode>,
+    /// The model that answers now.
+    pub model: ModelName,
+    /// The rooms it tells apart.
+    pub rooms: Vec<String>,
+}
+
+/// What a stream is limited to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct StreamLimits {
+    /// The longest message.
+    pub max_frame_bytes: usize,
+    /// The most pixels in a frame.
+    pub max_frame_pixels: u64,
+    /// The most frames without an answer in the mode `lossless`.
+    pub window: usize,
+    /// A connection that sends nothing, not even an answer to a ping, is closed after this.
+    pub idle_timeout_ms: u64,
+    /// How long a stream without a connection can be resumed.
+    pub resume_ms: u64,
+}
+
+/// Which room a frame shows.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct StreamResult {
+    /// Which frame.
+    pub seq: u64,
+    /// What the frame says by itself. Its `request_id` is the session.
+    #[serde(flatten)]
+    pub answer: Answer,
+    /// What the frames so far say together, where there is a filter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filtered: Option<Filtered>,
+    /// From capture to answer, where the frame was dated; clocks that differ show here.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub age_ms: Option<f64>,
+}
+
+/// The filter's answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct Filtered {
+    /// The most probable room.
+    pub room: String,
+    /// Its probability, 0 to 1.
+    pub probability: f32,
+    /// The rooms with their probabilities, the most probable first.
+    pub probabilities: Vec<RoomProbability>,
+}
+
+/// Why a frame was not looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum DropReason {
+    /// A newer frame took its place.
+    Superseded,
+    /// It waited longer than its deadline.
+    Deadline,
+    /// The service has no memory for it.
+    Overload,
+    /// The service stops.
+    Draining,
+}
+
+/// From a frame on, another model answers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ModelChanged {
+    /// What answered until now.
+    pub from: ModelName,
+    /// What answers from now on.
+    pub to: ModelName,
+    /// The epoch of `to`.
+    pub epoch: u64,
+    /// The first frame that it answers.
+    pub first_seq: u64,
+    /// What became of the filter.
+    pub filter: FilterChange,
+    /// The rooms that `to` tells apart.
+    pub rooms: Vec<String>,
+}
+
+/// What became of the filter when the model changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum FilterChange {
+    /// The rooms are the same: it goes on.
+    Kept,
+    /// The rooms differ: it knows nothing yet.
+    Reset,
+}
