@@ -74,9 +74,13 @@ impl From<Kind> for KindInfo {
     }
 }
 
+/// Milliseconds, to the microsecond.
+pub fn ms(duration: Duration) -> f64 {
+    (duration.as_secs_f64() * 1e6).round() / 1e3
+}
+
 impl From<Timings> for TimingsMs {
     fn from(timings: Timings) -> Self {
-        let ms = |duration: Duration| (duration.as_secs_f64() * 1e6).round() / 1e3;
         Self {
             queue: ms(timings.queue),
             decode: ms(timings.decode),
@@ -98,7 +102,12 @@ impl ModelInfo {
         Self {
             name: name.to_owned(),
             serving: versions.serving.as_ref().map(|served| served.version),
-            versions: versions.states.iter().rev().map(|(&number, state)| VersionInfo::new(number, state, versions)).collect(),
+            versions: versions
+                .states
+                .iter()
+                .rev()
+                .map(|(&number, state)| VersionInfo::new(number, state, versions))
+                .collect(),
         }
     }
 }

@@ -221,9 +221,9 @@ fn secret(headers: &HeaderMap) -> Option<&[u8]> {
         let (scheme, key) = value.as_bytes().split_at_checked("Bearer ".len())?;
         scheme.eq_ignore_ascii_case(b"Bearer ").then_some(key.trim_ascii())
     });
-    bearer
-        .or_else(|| Some(headers.get(KEY_HEADER)?.as_bytes()))
-        .or_else(|| subprotocols(headers).find_map(|name| name.strip_prefix(KEY_SUBPROTOCOL_PREFIX.as_bytes())))
+    bearer.or_else(|| Some(headers.get(KEY_HEADER)?.as_bytes())).or_else(|| {
+        subprotocols(headers).find_map(|name| name.strip_prefix(KEY_SUBPROTOCOL_PREFIX.as_bytes()))
+    })
 }
 
 /// The subprotocols that a WebSocket's request offers.

@@ -44,6 +44,9 @@ pub enum Problem {
     /// Another version does not come to serve.
     #[error(transparent)]
     Activate(#[from] ActivateError),
+    /// Nobody of this name streams.
+    #[error("no robot {0:?} streams; GET /v1/robots lists those that do")]
+    NoRobot(String),
     /// There is nothing of this name.
     #[error("{}", K::NotFound.advice())]
     NotFound,
@@ -234,7 +237,7 @@ impl Problem {
             Self::Query(_) => K::BadRequest,
             Self::NoWebSocket(_) => K::NoWebSocket,
             Self::Activate(ActivateError::Failed(_)) => K::NotReady,
-            Self::NotFound => K::NotFound,
+            Self::NotFound | Self::NoRobot(_) => K::NotFound,
             Self::Draining => K::Draining,
             Self::Framework(status) => Kind::from_status(*status),
         }

@@ -5,7 +5,7 @@ use super::openapi::{RobotProblems, ViewerProblems};
 use super::problem::Problem;
 use crate::protocol::event::{FrameCounts, PastAnswer, RobotInfo, RobotList, RobotName};
 use crate::protocol::rest::TimingsMs;
-use crate::protocol::stream::{DropReason, Mode};
+use crate::protocol::stream::{DropReason, Mode, StreamResult};
 use axum::Json;
 use axum::extract::{Path, State};
 use std::collections::VecDeque;
@@ -19,11 +19,11 @@ const N_ANSWERS: usize = 16;
 pub struct Record {
     session: String,
     began: Instant,
-    state: Mutex<State>,
+    known: Mutex<Known>,
 }
 
 #[derive(Default)]
-struct State {
+struct Known {
     robot: Option<String>,
     connected: bool,
     mode: Mode,
@@ -33,72 +33,74 @@ struct State {
 }
 
 /// An answer that was told.
-pub struct Told {
-    /// Which frame.
-    pub seq: u64,
-    /// The room: of the stream's filter where there is one.
-    pub room: String,
-    /// Its probability.
-    pub probability: f32,
-    /// Where the time went.
-    pub timings_ms: TimingsMs,
-    /// When.
-    pub at: Instant,
+struct Told {
+    seq: u64,
+    room: String,
+    probability: f32,
+    timings_ms: TimingsMs,
+    at: Instant,
 }
 
 impl Record {
     /// Of a stream that begins.
     pub fn new(session: String) -> Self {
-        Self { session, began: Instant::now(), state: Mutex::default() }
+        Self { session, began: Instant::now(), known: Mutex::default() }
     }
 
     /// The stream is configured so.
     pub fn configured(&self, robot: Option<&str>, mode: Mode) {
-        let mut state = self.state();
-        state.robot = robot.map(str::to_owned);
-        state.mode = mode;
+        let mut known = self.known();
+        known.robot = robot.map(str::to_owned);
+        known.mode = mode;
     }
 
     /// Its connection stands, or does not.
     pub fn connected(&self, connected: bool) {
-        self.state().connected = connected;
+        self.known().connected = connected;
     }
 
     /// It took a frame in.
     pub fn accepted(&self) {
-        self.state().frames.accepted += 1;
+        self.known().frames.accepted += 1;
     }
 
     /// It told a room.
-    pub fn answered(&self, told: Told) {
-        let mut state = self.state();
-        state.frames.results += 1;
-        if state.room.as_ref().is_none_or(|(room, _)| *room != told.room) {
-            state.room = Some((told.room.clone(), told.at));
+    pub fn answered(&self, result: &StreamResult) {
+        let StreamResult { seq, answer, filtered, .. } = result;
+        let (room, probability) = match filtered {
+            Some(filtered) => (&filtered.room, filtered.probability),
+            None => (&answer.room, answer.probability),
+        };
+        let at = Instant::now();
+        let told = Told { seq: *seq, room: room.clone(), probability, timings_ms: answer.timings_ms, at };
+        let mut known = self.known();
+        known.frames.results += 1;
+        if known.room.as_ref().is_none_or(|(room, _)| *room != told.room) {
+            known.room = Some((told.room.clone(), at));
         }
-        state.answers.truncate(N_ANSWERS - 1);
-        state.answers.push_front(told);
+        known.answers.truncate(N_ANSWERS - 1);
+        known.answers.push_front(told);
     }
 
     /// It told that a frame cannot be recognized.
     pub fn failed(&self) {
-        self.state().frames.errors += 1;
+        self.known().frames.errors += 1;
     }
 
     /// It told that a frame was not looked at.
     pub fn dropped(&self, reason: DropReason) {
-        *self.state().frames.dropped.entry(reason).or_default() += 1;
+        *self.known().frames.dropped.entry(reason).or_default() += 1;
     }
 
     /// Whose stream it is.
     pub fn name(&self) -> RobotName {
-        RobotName { session: self.session.clone(), robot: self.state().robot.clone() }
+        RobotName { session: self.session.clone(), robot: self.known().robot.clone() }
     }
 
     /// All of it.
     pub fn info(&self) -> RobotInfo {
         let name = self.name();
-        let state = self.state();
+        let known = self.known();
         let past = |told: &Told| PastAnswer {
             seq: told.seq,
             room: told.room.clone(),
@@ -108,18 +110,18 @@ impl Record {
         };
         RobotInfo {
             name,
-            connected: state.connected,
+            connected: known.connected,
             streaming_s: self.began.elapsed().as_secs_f64(),
-            mode: state.mode,
-            room: state.room.as_ref().map(|(room, _)| room.clone()),
-            in_room_s: state.room.as_ref().map(|(_, since)| since.elapsed().as_secs_f64()),
-            frames: state.frames.clone(),
-            answers: state.answers.iter().map(past).collect(),
+            mode: known.mode,
+            room: known.room.as_ref().map(|(room, _)| room.clone()),
+            in_room_s: known.room.as_ref().map(|(_, since)| since.elapsed().as_secs_f64()),
+            frames: known.frames.clone(),
+            answers: known.answers.iter().map(past).collect(),
         }
     }
 
-    fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 

@@ -5,4 +5,6 @@
 mod calls;
 mod command;
 mod load;
+mod robot;
 mod service;
+mod stream;
