@@ -16,7 +16,7 @@
 //! | `stream` | frames over a WebSocket; see there |
 //! | `events`, `robots` | what dashboards are told |
 //! | `problem` | every error a caller can see; the only place with status codes |
-//! | `api`, `openapi` | what travels, and its description |
+//! | `api`, `openapi`, `asyncapi` | what travels, and its description |
 //! | `linger` | reading on after an early answer |
 //!
 //! A frame's way: `observe` → `auth` → `query` (which model?) → `body` (size, a free slot, bytes) →
@@ -24,6 +24,7 @@
 //! `problem::Problem`.
 
 mod api;
+mod asyncapi;
 mod auth;
 mod body;
 mod events;
@@ -41,6 +42,7 @@ mod routes;
 mod settings;
 mod stream;
 
+pub use asyncapi::stream_document;
 pub use auth::{Key, KeyError, Role};
 pub use listen::serve;
 pub use registry::RegistryError;

@@ -1,16 +1,22 @@
-//! The OpenAPI document in the repository is the one the service gives out.
+//! The documents in `openapi/` are those of the code: OpenAPI for the calls, AsyncAPI for the stream.
 //!
-//! `UPDATE=1 cargo test --test openapi` writes it anew.
+//! `UPDATE=1 cargo test --test openapi` writes them anew.
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+use roomsight::protocol::stream::{ClientMessage, ServerMessage};
+use serde::Serialize;
 use serde_json::Value;
 use std::fs;
 
-const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/openapi.json");
+const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/");
 
 fn document() -> String {
     roomsight::server::document().to_pretty_json().unwrap() + "\n"
+}
+
+fn stream_document() -> String {
+    serde_json::to_string_pretty(&roomsight::server::stream_document()).unwrap() + "\n"
 }
 
 fn parsed() -> Value {
@@ -28,12 +34,39 @@ fn operations(document: &Value) -> Vec<(String, &Value)> {
 }
 
 #[test]
-fn the_file_is_up_to_date() {
-    if std::env::var_os("UPDATE").is_some() {
-        fs::write(PATH, document()).unwrap();
+fn the_files_are_up_to_date() {
+    for (name, text) in [("openapi.json", document()), ("asyncapi.json", stream_document())] {
+        let path = FOLDER.to_owned() + name;
+        if std::env::var_os("UPDATE").is_some() {
+            fs::write(&path, &text).unwrap();
+        }
+        let file = fs::read_to_string(&path).unwrap_or_default();
+        assert!(file == text, "openapi/{name} is stale: UPDATE=1 cargo test --test openapi");
     }
-    let file = fs::read_to_string(PATH).unwrap_or_default();
-    assert!(file == document(), "openapi/openapi.json is stale: UPDATE=1 cargo test --test openapi");
+}
+
+/// As it travels: numbers have the digits that they are written with.
+fn rewritten(message: &impl Serialize) -> Value {
+    serde_json::from_str(&serde_json::to_string(message).unwrap()).unwrap()
+}
+
+#[test]
+fn the_examples_of_the_stream_are_messages_of_it() {
+    let document: Value = serde_json::from_str(&stream_document()).unwrap();
+    let messages = &document["channels"]["stream"]["messages"];
+    let examples = |of: &str| messages[of]["examples"].as_array().unwrap().clone();
+    for example in examples("server") {
+        let message: ServerMessage = serde_json::from_value(example["payload"].clone()).unwrap();
+        assert_eq!(rewritten(&message), example["payload"], "nothing is lost or added");
+    }
+    for example in examples("client") {
+        let message: ClientMessage = serde_json::from_value(example["payload"].clone()).unwrap();
+        assert_eq!(rewritten(&message), example["payload"], "nothing is lost or added");
+    }
+    let schemas = document["components"]["schemas"].as_object().unwrap();
+    for name in ["ClientMessage", "ServerMessage", "Event", "StreamResult", "Answer"] {
+        assert!(schemas.contains_key(name), "{name}");
+    }
 }
 
 #[test]
@@ -41,7 +74,7 @@ fn every_call_says_what_can_go_wrong() {
     let document = parsed();
     for (name, operation) in operations(&document) {
         let responses = operation["responses"].as_object().unwrap();
-        assert!(responses.contains_key("200"), "{name}");
+        assert!(responses.contains_key("200") || responses.contains_key("101"), "{name}");
         for (status, response) in responses.iter().filter(|(status, _)| status.as_str() >= "400") {
             let schema = &response["content"]["application/problem+json"]["schema"]["$ref"];
             assert_eq!(schema, "#/components/schemas/ProblemBody", "{name} {status}");

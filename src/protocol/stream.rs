@@ -22,7 +22,8 @@ pub const KEY_SUBPROTOCOL_PREFIX: &str = "key.";
 pub struct StreamQuery {
     /// The stream to resume, as `hello` named it. Where it is over, a new one begins.
     pub session: Option<String>,
-    /// The last frame whose answer arrived; the answers after it that are still kept are sent again.
+    /// The last frame whose answer arrived, left out where none did; the answers after it that are still kept
+    /// are sent again.
     pub last_seq: Option<u64>,
     /// Who streams.
     #[param(example = "wall-e", max_length = 64)]

@@ -1,5 +1,6 @@
 //! The paths of the API, grouped by who may call them.
 
+use super::asyncapi::stream_document;
 use super::body::{Frame, Frames, OneFrame};
 use super::openapi::{
     ActivateProblems, BatchForm, Description, FrameForm, FrameProblems, ImageBytes, ModelProblems,
@@ -40,6 +41,7 @@ pub fn router(app: App) -> Router {
         .merge(anyone())
         .split_for_parts();
     api.merge(SwaggerUi::new("/docs").url("/openapi.json", document))
+        .route("/asyncapi.json", get(|| async { Json(stream_document()) }))
         .route("/", get(|| async { Redirect::temporary("/docs/") }))
         // Forms have limits of our own, see `body`.
         .layer(DefaultBodyLimit::disable())

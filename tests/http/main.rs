@@ -8,3 +8,4 @@ mod load;
 mod robot;
 mod service;
 mod stream;
+mod stream_property;

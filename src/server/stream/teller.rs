@@ -86,10 +86,10 @@ impl Teller {
         self.told.push_back((seq, message));
     }
 
-    /// The kept messages about frames after this one.
+    /// The kept messages about frames after this one, or all of them.
     pub fn told_after(&self, last_seq: Option<u64>) -> Vec<Utf8Bytes> {
-        let Some(last_seq) = last_seq else { return Vec::new() };
-        self.told.iter().filter(|(seq, _)| *seq > last_seq).map(|(_, message)| message.clone()).collect()
+        let is_missed = |seq: u64| last_seq.is_none_or(|last_seq| seq > last_seq);
+        self.told.iter().filter(|(seq, _)| is_missed(*seq)).map(|(_, message)| message.clone()).collect()
     }
 
     /// Says that another model answers from this frame on, if it does.
