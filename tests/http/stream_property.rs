@@ -1,8 +1,7 @@
 //! Whatever a robot does, each of its accepted frames is told once, in order.
 
-use crate::load::slow_frame;
 use crate::robot::{Heard, Robot, seq_of};
-use crate::service::{Server, models, room, success, write_model};
+use crate::service::{Server, models, pgm, room, success, write_model};
 use proptest::prelude::*;
 use roomsight::protocol::stream::ServerMessage;
 use roomsight::server::Settings;
@@ -25,7 +24,7 @@ enum Act {
 #[derive(Clone, Copy, Debug)]
 enum Frame {
     Good(u8),
-    Slow,
+    Large,
     Bad(u16),
 }
 
@@ -41,7 +40,7 @@ fn act() -> impl Strategy<Value = Act> {
     ];
     prop_oneof![
         6 => any::<u8>().prop_map(|shift| Act::Send(Frame::Good(shift))),
-        1 => Just(Act::Send(Frame::Slow)),
+        1 => Just(Act::Send(Frame::Large)),
         2 => (0..3000_u16).prop_map(|n_bytes| Act::Send(Frame::Bad(n_bytes))),
         2 => prop::sample::select(texts.to_vec()).prop_map(Act::Say),
         3 => Just(Act::Hear),
@@ -101,7 +100,7 @@ impl Account {
 fn bytes(frame: Frame) -> Vec<u8> {
     match frame {
         Frame::Good(shift) => room(u32::from(shift) % 3, u32::from(shift)),
-        Frame::Slow => slow_frame(),
+        Frame::Large => pgm(640, 480, |column, row| (column / 9 * 57 + row / 7 * 91) as u8),
         // Never the beginning of a header.
         Frame::Bad(n_bytes) => vec![b'x'; usize::from(n_bytes)],
     }

@@ -49,14 +49,14 @@ impl Lane {
     /// Claims the stream's place in the queue. False where it is taken already, or nothing waits.
     pub fn claim_place(&self) -> bool {
         let mut state = self.state();
-        let claimed = !state.has_place && !state.waiting.is_empty();
-        state.has_place |= claimed;
-        claimed
+        let is_claimed = state.wants_place();
+        state.has_place |= is_claimed;
+        is_claimed
     }
 
-    /// Whether something waits.
-    pub fn is_waiting(&self) -> bool {
-        !self.state().waiting.is_empty()
+    /// Whether something waits, and the place is not taken.
+    pub fn wants_place(&self) -> bool {
+        self.state().wants_place()
     }
 
     /// Takes the first frame, when the stream's turn has come, and what `choose` chooses for it: what is
@@ -74,6 +74,12 @@ impl Lane {
 
     fn state(&self) -> MutexGuard<'_, State> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    fn wants_place(&self) -> bool {
+        !self.has_place && !self.waiting.is_empty()
     }
 }
 
@@ -113,6 +119,6 @@ mod tests {
         assert_eq!(taken(&lane), Some(1));
         assert!(lane.supersede(frame(2)).is_empty());
         assert_eq!(lane.clear(), [2]);
-        assert!(!lane.is_waiting());
+        assert!(!lane.wants_place());
     }
 }

@@ -273,21 +273,19 @@ impl Session {
                 }
             }
         }
-        if self.look_at().is_none() {
-            self.queue();
-        }
+        self.queue();
     }
 
-    /// In the mode `sampled`: when the frame that waits may be looked at, if that is to come.
+    /// In the mode `sampled`: when the frame that waits may queue.
     fn look_at(&self) -> Option<Instant> {
-        let is_held =
-            self.settings.mode == Mode::Sampled && self.next_look > Instant::now() && self.lane.is_waiting();
+        let is_held = self.settings.mode == Mode::Sampled && self.lane.wants_place();
         is_held.then_some(self.next_look)
     }
 
-    /// Takes the stream's place in the queue, if it is free and something waits.
+    /// Takes the stream's place in the queue, if it is time, the place is free and something waits.
     fn queue(&mut self) {
-        if !self.lane.claim_place() {
+        let is_too_early = self.look_at().is_some_and(|look_at| look_at > Instant::now());
+        if is_too_early || !self.lane.claim_place() {
             return;
         }
         if let Some(interval) = self.settings.interval_ms {
@@ -307,9 +305,7 @@ impl Session {
     fn hear(&mut self, news: News) -> Vec<Utf8Bytes> {
         match news {
             News::Took => {
-                if self.look_at().is_none() {
-                    self.queue();
-                }
+                self.queue();
                 Vec::new()
             }
             News::Settled(seq, outcome) => {
