@@ -2,7 +2,9 @@
 
 use super::data::{self, DataArgs};
 use super::output::{self, say};
-use crate::evaluate::Evaluation;
+use crate::dataset::Described;
+use crate::evaluate::{Changes, Evaluation, Lateness, N_HELD, Rate};
+use crate::filter::Trust;
 use crate::model::Extractor;
 use crate::validate::{self, Answered};
 use anyhow::bail;
@@ -24,6 +26,11 @@ pub(super) struct EvaluateArgs {
     model: PathBuf,
     #[command(flatten)]
     data: DataArgs,
+    /// Also follow each sequence with a Bayes filter over the rooms, as the service follows a stream of
+    /// frames; several amounts of trust in a single frame, such as --filter=0.1,0.5,1, get a line each
+    /// [default: the filter's own]
+    #[arg(long, value_name = "TRUST", num_args = 0.., require_equals = true, value_delimiter = ',')]
+    filter: Option<Vec<Trust>>,
     /// Print the rates as JSON
     #[arg(long)]
     json: bool,
@@ -39,6 +46,26 @@ struct Report {
     evaluation: Evaluation,
     /// The same for each sequence, by name.
     by_sequence: BTreeMap<String, Evaluation>,
+    /// With `--filter`: each frame by itself, then each trust.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    streams: Option<Vec<Stream>>,
+}
+
+/// How answers follow the robots from room to room.
+#[derive(Serialize)]
+struct Stream {
+    /// None: each frame by itself.
+    trust: Option<Trust>,
+    rate: Rate,
+    changes: Changes,
+    /// The same for each sequence, by name.
+    by_sequence: BTreeMap<String, SequenceStream>,
+}
+
+#[derive(Serialize)]
+struct SequenceStream {
+    rate: Rate,
+    changes: Changes,
 }
 
 /// Answers all frames and prints the rates.
@@ -48,25 +75,45 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     if dataset.frames.is_empty() {
         bail!("{} holds no labeled frame", args.data.data.display());
     }
+    let is_stream = dataset.is_in_order() && dataset.frames.iter().all(|frame| !frame.sequence.is_empty());
+    if args.filter.is_some() && !is_stream {
+        bail!(
+            "--filter follows robots, but these frames are not in the order they were taken: give sequences"
+        );
+    }
     let extractor = Extractor::new(model.config(), model.camera().clone());
     let described = data::describe(&dataset, &extractor)?;
     let answers: Vec<Answered> = (0..described.samples.len())
         .map(|sample_idx| validate::answer(&model, &described.samples, sample_idx))
         .collect();
-    let mut answers_by_sequence: BTreeMap<String, Vec<Answered>> = BTreeMap::new();
-    for answer in &answers {
-        let sequence = &described.samples[answer.sample_idx].sequence;
-        answers_by_sequence.entry(sequence.clone()).or_default().push(answer.clone());
-    }
     let evaluate = |answers: &[Answered]| validate::evaluate(&dataset, &described, answers);
-    let by_sequence = answers_by_sequence.into_iter().map(|(name, answers)| (name, evaluate(&answers)));
+    let stream = |trust: Option<Trust>, answers: &[Answered]| {
+        let rate_and_changes = |answers: &[Answered]| {
+            let changes = validate::changes(&dataset, &described, answers);
+            SequenceStream { rate: evaluate(answers).overall, changes }
+        };
+        let SequenceStream { rate, changes } = rate_and_changes(answers);
+        let by_sequence = by_sequence(&described, answers).into_iter();
+        let by_sequence = by_sequence.map(|(name, answers)| (name, rate_and_changes(&answers))).collect();
+        Stream { trust, rate, changes, by_sequence }
+    };
+    let streams = args.filter.as_ref().map(|trusts| {
+        let trusts = if trusts.is_empty() { vec![Trust::default()] } else { trusts.clone() };
+        let filtered = trusts.into_iter().map(|trust| {
+            let filtered = validate::filtered(&model, (&dataset, &described), &answers, trust);
+            stream(Some(trust), &filtered)
+        });
+        std::iter::once(stream(None, &answers)).chain(filtered).collect()
+    });
+    let by_sequence = by_sequence(&described, &answers).into_iter();
     let known: BTreeSet<&String> = model.places().iter().collect();
     let report = Report {
         model: args.model.clone(),
         simulated: data::is_simulated(&args.data.data),
         n_of_unknown_rooms: described.samples.iter().filter(|sample| !known.contains(&sample.place)).count(),
         evaluation: evaluate(&answers),
-        by_sequence: by_sequence.collect(),
+        by_sequence: by_sequence.map(|(name, answers)| (name, evaluate(&answers))).collect(),
+        streams,
     };
     if args.json {
         say!("{}", serde_json::to_string_pretty(&report)?)?;
@@ -74,6 +121,15 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         print(&report)?;
     }
     Ok(())
+}
+
+fn by_sequence(described: &Described, answers: &[Answered]) -> BTreeMap<String, Vec<Answered>> {
+    let mut by_sequence: BTreeMap<String, Vec<Answered>> = BTreeMap::new();
+    for answer in answers {
+        let sequence = &described.samples[answer.sample_idx].sequence;
+        by_sequence.entry(sequence.clone()).or_default().push(answer.clone());
+    }
+    by_sequence
 }
 
 fn print(report: &Report) -> io::Result<()> {
@@ -97,5 +153,30 @@ fn print(report: &Report) -> io::Result<()> {
     if report.n_of_unknown_rooms > 0 {
         say!("\nFrames of rooms that the model does not know: {}", report.n_of_unknown_rooms)?;
     }
+    if let Some(streams) = &report.streams {
+        print_streams(streams)?;
+    }
     Ok(())
+}
+
+fn print_streams(streams: &[Stream]) -> io::Result<()> {
+    let mut table = output::table(["trust", "rate", "missed", "frames late", "seconds late", "room changes"]);
+    let lateness = |late: Option<Lateness>| {
+        late.map_or("-".to_owned(), |late| format!("{:.1} / {:.1}", late.median, late.p90))
+    };
+    for Stream { trust, rate, changes, .. } in streams {
+        table.add_row([
+            trust.map_or("unfiltered".to_owned(), |trust| f32::from(trust).to_string()),
+            output::rate(rate),
+            format!("{} of {}", changes.n_missed, changes.n_changes),
+            lateness(changes.late_frames),
+            lateness(changes.late_seconds),
+            changes.n_answered.to_string(),
+        ]);
+    }
+    say!("\nFollowed from frame to frame:\n{table}")?;
+    say!(
+        "Late: median / 90th percentile from a change of room to the first of {N_HELD} answers that hold. \
+         Room changes: of the answers."
+    )
 }
