@@ -52,7 +52,8 @@ impl RoomFilter {
         assert_eq!(probabilities.len(), self.belief.len(), "probabilities of other rooms");
         let mut weights = transitions.predict(&self.belief, elapsed);
         for (weight, probability) in weights.iter_mut().zip(probabilities) {
-            let probability = f64::from(probability.max(MIN_PROBABILITY).min(1.0));
+            // What is no number becomes the least, as the maximum is the other number.
+            let probability = f64::from(probability.clamp(0.0, 1.0).max(MIN_PROBABILITY));
             *weight *= probability.powf(self.trust.exponent());
         }
         let sum: f64 = weights.iter().sum();

@@ -1,9 +1,11 @@
 //! `roomsight evaluate`: the rates of a model on labeled frames.
 
+mod stream;
+
 use super::data::{self, DataArgs};
 use super::output::{self, say};
 use crate::dataset::Described;
-use crate::evaluate::{Changes, Evaluation, Lateness, N_HELD, Rate};
+use crate::evaluate::Evaluation;
 use crate::filter::Trust;
 use crate::model::Extractor;
 use crate::validate::{self, Answered};
@@ -13,6 +15,7 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::PathBuf;
+use stream::Stream;
 
 /// The most sequences that get a line each.
 const MAX_SEQUENCES: usize = 20;
@@ -51,23 +54,6 @@ struct Report {
     streams: Option<Vec<Stream>>,
 }
 
-/// How answers follow the robots from room to room.
-#[derive(Serialize)]
-struct Stream {
-    /// None: each frame by itself.
-    trust: Option<Trust>,
-    rate: Rate,
-    changes: Changes,
-    /// The same for each sequence, by name.
-    by_sequence: BTreeMap<String, SequenceStream>,
-}
-
-#[derive(Serialize)]
-struct SequenceStream {
-    rate: Rate,
-    changes: Changes,
-}
-
 /// Answers all frames and prints the rates.
 pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     let model = data::load_model(&args.model)?.model;
@@ -75,11 +61,8 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     if dataset.frames.is_empty() {
         bail!("{} holds no labeled frame", args.data.data.display());
     }
-    let is_stream = dataset.is_in_order() && dataset.frames.iter().all(|frame| !frame.sequence.is_empty());
-    if args.filter.is_some() && !is_stream {
-        bail!(
-            "--filter follows robots, but these frames are not in the order they were taken: give sequences"
-        );
+    if args.filter.is_some() {
+        stream::check(&dataset)?;
     }
     let extractor = Extractor::new(model.config(), model.camera().clone());
     let described = data::describe(&dataset, &extractor)?;
@@ -87,23 +70,10 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         .map(|sample_idx| validate::answer(&model, &described.samples, sample_idx))
         .collect();
     let evaluate = |answers: &[Answered]| validate::evaluate(&dataset, &described, answers);
-    let stream = |trust: Option<Trust>, answers: &[Answered]| {
-        let rate_and_changes = |answers: &[Answered]| {
-            let changes = validate::changes(&dataset, &described, answers);
-            SequenceStream { rate: evaluate(answers).overall, changes }
-        };
-        let SequenceStream { rate, changes } = rate_and_changes(answers);
-        let by_sequence = by_sequence(&described, answers).into_iter();
-        let by_sequence = by_sequence.map(|(name, answers)| (name, rate_and_changes(&answers))).collect();
-        Stream { trust, rate, changes, by_sequence }
-    };
     let streams = args.filter.as_ref().map(|trusts| {
-        let trusts = if trusts.is_empty() { vec![Trust::default()] } else { trusts.clone() };
-        let filtered = trusts.into_iter().map(|trust| {
-            let filtered = validate::filtered(&model, (&dataset, &described), &answers, trust);
-            stream(Some(trust), &filtered)
-        });
-        std::iter::once(stream(None, &answers)).chain(filtered).collect()
+        let defaults = [Trust::default()];
+        let trusts = if trusts.is_empty() { &defaults } else { trusts.as_slice() };
+        stream::follow(&model, (&dataset, &described), &answers, trusts)
     });
     let by_sequence = by_sequence(&described, &answers).into_iter();
     let known: BTreeSet<&String> = model.places().iter().collect();
@@ -154,29 +124,7 @@ fn print(report: &Report) -> io::Result<()> {
         say!("\nFrames of rooms that the model does not know: {}", report.n_of_unknown_rooms)?;
     }
     if let Some(streams) = &report.streams {
-        print_streams(streams)?;
+        stream::print(streams)?;
     }
     Ok(())
-}
-
-fn print_streams(streams: &[Stream]) -> io::Result<()> {
-    let mut table = output::table(["trust", "rate", "missed", "frames late", "seconds late", "room changes"]);
-    let lateness = |late: Option<Lateness>| {
-        late.map_or("-".to_owned(), |late| format!("{:.1} / {:.1}", late.median, late.p90))
-    };
-    for Stream { trust, rate, changes, .. } in streams {
-        table.add_row([
-            trust.map_or("unfiltered".to_owned(), |trust| f32::from(trust).to_string()),
-            output::rate(rate),
-            format!("{} of {}", changes.n_missed, changes.n_changes),
-            lateness(changes.late_frames),
-            lateness(changes.late_seconds),
-            changes.n_answered.to_string(),
-        ]);
-    }
-    say!("\nFollowed from frame to frame:\n{table}")?;
-    say!(
-        "Late: median / 90th percentile from a change of room to the first of {N_HELD} answers that hold. \
-         Room changes: of the answers."
-    )
 }

@@ -55,7 +55,9 @@ impl Changes {
                     continue;
                 };
                 late_frames.push(n_late as f64);
-                late_seconds.push(visit[1..=n_late].iter().filter_map(|answer| answer.elapsed).sum());
+                let elapsed = visit[1..=n_late].iter().filter_map(|answer| answer.elapsed);
+                // The sum of nothing is -0.
+                late_seconds.push(elapsed.fold(0.0, |sum, elapsed| sum + elapsed));
             }
         }
         Self { late_frames: Lateness::of(late_frames), late_seconds: Lateness::of(late_seconds), ..changes }
