@@ -6,8 +6,9 @@
 //! probabilities of its rooms. These are posteriors, not likelihoods: divided by the prior of the rooms,
 //! which is uniform, they are proportional to them.
 //!
-//! One departure: neighboring frames are nearly the same picture and are wrong together, so a frame's
-//! probabilities are raised to a power, its [`Trust`].
+//! One departure: a frame's probabilities are raised to a power, its [`Trust`]. Neighboring frames are
+//! nearly the same picture and are wrong together, which asks for less than 1; calibrated probabilities are
+//! cautious, which asks for more.
 
 mod transitions;
 mod trust;

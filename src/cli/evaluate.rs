@@ -30,7 +30,7 @@ pub(super) struct EvaluateArgs {
     #[command(flatten)]
     data: DataArgs,
     /// Also follow each sequence with a Bayes filter over the rooms, as the service follows a stream of
-    /// frames; several amounts of trust in a single frame, such as --filter=0.1,0.5,1, get a line each
+    /// frames; several amounts of trust in a single frame, such as --filter=0.5,1,2, get a line each
     /// [default: the filter's own]
     #[arg(long, value_name = "TRUST", num_args = 0.., require_equals = true, value_delimiter = ',')]
     filter: Option<Vec<Trust>>,
