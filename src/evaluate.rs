@@ -3,6 +3,10 @@
 //! Frames near the border of two rooms show both, and their label says only on which side the robot
 //! stood. Lu et al. find nearly all errors there, so every rate is also given without such frames.
 
+mod changes;
+
+pub use changes::{Changes, Lateness, N_HELD, StreamAnswer};
+
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 

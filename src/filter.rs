@@ -6,8 +6,9 @@
 //! probabilities of its rooms. These are posteriors, not likelihoods: divided by the prior of the rooms,
 //! which is uniform, they are proportional to them.
 //!
-//! One departure: neighboring frames are nearly the same picture and are wrong together, so a frame's
-//! probabilities are raised to a power, its [`Trust`].
+//! One departure: a frame's probabilities are raised to a power, its [`Trust`]. Neighboring frames are
+//! nearly the same picture and are wrong together, which asks for less than 1; calibrated probabilities are
+//! cautious, which asks for more.
 
 mod transitions;
 mod trust;
@@ -52,7 +53,8 @@ impl RoomFilter {
         assert_eq!(probabilities.len(), self.belief.len(), "probabilities of other rooms");
         let mut weights = transitions.predict(&self.belief, elapsed);
         for (weight, probability) in weights.iter_mut().zip(probabilities) {
-            let probability = f64::from(probability.max(MIN_PROBABILITY).min(1.0));
+            // What is no number becomes the least, as the maximum is the other number.
+            let probability = f64::from(probability.clamp(0.0, 1.0).max(MIN_PROBABILITY));
             *weight *= probability.powf(self.trust.exponent());
         }
         let sum: f64 = weights.iter().sum();

@@ -3,7 +3,8 @@
 
 use crate::camera::Camera;
 use crate::dataset::{Dataset, Described};
-use crate::evaluate::{self, Answer, Evaluation, Sighting};
+use crate::evaluate::{self, Answer, Changes, Evaluation, Sighting, StreamAnswer};
+use crate::filter::{RoomFilter, Trust};
 use crate::folds::folds;
 use crate::model::{Config, Model, Recognition, Sample, TrainError};
 use rand::SeedableRng;
@@ -110,6 +111,46 @@ pub fn run(
 pub fn answer(model: &Model, samples: &[Sample], sample_idx: usize) -> Answered {
     let recognition = model.classify(&samples[sample_idx].features);
     Answered { sample_idx, place: model.places()[recognition.place_idx].clone(), recognition }
+}
+
+/// The same answers, each room the one that a filter took the robot to be in after that frame, with the
+/// filter's probabilities. Every drive begins without any belief.
+pub fn filtered(
+    model: &Model,
+    (dataset, described): (&Dataset, &Described),
+    answers: &[Answered],
+    trust: Trust,
+) -> Vec<Answered> {
+    let mut filter = RoomFilter::new(model.places().len(), trust);
+    let filter_answer = |(elapsed, answered): (Option<f64>, &Answered)| {
+        if elapsed.is_none() {
+            filter = RoomFilter::new(model.places().len(), trust);
+        }
+        let raw = &answered.recognition;
+        let probabilities =
+            filter.update(model.transitions(), elapsed.unwrap_or_default(), &raw.probabilities).to_vec();
+        let recognition = Recognition { place_idx: filter.place_idx(), probabilities, ..raw.clone() };
+        Answered { place: model.places()[recognition.place_idx].clone(), recognition, ..*answered }
+    };
+    elapsed(dataset, described, answers).into_iter().zip(answers).map(filter_answer).collect()
+}
+
+/// How answers to drives, in their order, follow the robot from room to room.
+pub fn changes(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Changes {
+    let elapsed = elapsed(dataset, described, answers);
+    let stream = answers.iter().zip(elapsed).map(|(answered, elapsed)| StreamAnswer {
+        place: &described.samples[answered.sample_idx].place,
+        answered: &answered.place,
+        elapsed,
+    });
+    Changes::new(&stream.collect::<Vec<_>>())
+}
+
+/// The time since the answer before, in seconds; none where a drive begins.
+fn elapsed(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Vec<Option<f64>> {
+    let frame = |answered: &Answered| &dataset.frames[described.frame_idxs[answered.sample_idx]];
+    let following = answers.windows(2).map(|pair| frame(&pair[0]).seconds_to(frame(&pair[1])));
+    std::iter::once(None).chain(following).take(answers.len()).collect()
 }
 
 /// Whether each frame of a data set is near a border of rooms; see [`evaluate::near_borders`].

@@ -194,6 +194,35 @@ fn evaluate_tells_sequences_apart() {
 }
 
 #[test]
+fn evaluate_follows_drives_with_the_filter() {
+    let manifest = Path::new(&LAB.data()).join("../drive/frames.csv");
+    let folder = manifest.parent().unwrap();
+    write_rooms(folder);
+    let mut rows = "file,place,sequence\n".to_owned();
+    for (idx, room) in (0..ROOMS.len() as u32 * N_FRAMES).map(|idx| (idx, ROOMS[(idx / N_FRAMES) as usize])) {
+        rows += &format!("{room}/{}.png,{room},monday\n", idx % N_FRAMES);
+    }
+    fs::write(&manifest, rows).unwrap();
+    let report = json(&["evaluate", "--json", "--filter=0.5,1", &LAB.model(), &text(folder)]);
+    let streams = report["streams"].as_array().unwrap();
+    let trusts: Vec<&Value> = streams.iter().map(|stream| &stream["trust"]).collect();
+    assert_eq!(trusts, [&Value::Null, &0.5.into(), &1.0.into()]);
+    for stream in streams {
+        assert_eq!(stream["rate"]["n_frames"], 3 * N_FRAMES);
+        assert_eq!(stream["changes"]["n_changes"], 2);
+        assert_eq!(stream["by_sequence"]["monday"]["changes"], stream["changes"]);
+    }
+    assert_eq!(report["evaluation"]["overall"], streams[0]["rate"]);
+    let table = done(&["evaluate", "--filter", &LAB.model(), &text(folder)]);
+    assert!(table.contains("unfiltered") && table.contains("room changes"), "{table}");
+
+    let error = refused(FAILED, &["evaluate", "--filter", &LAB.model(), &LAB.data()]);
+    assert!(error.contains("the order they were taken"), "{error}");
+    let error = refused(WRONG_USAGE, &["evaluate", "--filter=20", &LAB.model(), &LAB.data()]);
+    assert!(error.contains("at most 10"), "{error}");
+}
+
+#[test]
 fn validate_runs_each_protocol() {
     let data = LAB.data();
     for (protocol, n_frames) in [("sequences", 36), ("random", 30)] {

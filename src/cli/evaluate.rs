@@ -1,8 +1,12 @@
 //! `roomsight evaluate`: the rates of a model on labeled frames.
 
+mod stream;
+
 use super::data::{self, DataArgs};
 use super::output::{self, say};
+use crate::dataset::Described;
 use crate::evaluate::Evaluation;
+use crate::filter::Trust;
 use crate::model::Extractor;
 use crate::validate::{self, Answered};
 use anyhow::bail;
@@ -11,6 +15,7 @@ use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::PathBuf;
+use stream::Stream;
 
 /// The most sequences that get a line each.
 const MAX_SEQUENCES: usize = 20;
@@ -24,6 +29,11 @@ pub(super) struct EvaluateArgs {
     model: PathBuf,
     #[command(flatten)]
     data: DataArgs,
+    /// Also follow each sequence with a Bayes filter over the rooms, as the service follows a stream of
+    /// frames; several amounts of trust in a single frame, such as --filter=0.5,1,2, get a line each
+    /// [default: the filter's own]
+    #[arg(long, value_name = "TRUST", num_args = 0.., require_equals = true, value_delimiter = ',')]
+    filter: Option<Vec<Trust>>,
     /// Print the rates as JSON
     #[arg(long)]
     json: bool,
@@ -39,6 +49,9 @@ struct Report {
     evaluation: Evaluation,
     /// The same for each sequence, by name.
     by_sequence: BTreeMap<String, Evaluation>,
+    /// With `--filter`: each frame by itself, then each trust.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    streams: Option<Vec<Stream>>,
 }
 
 /// Answers all frames and prints the rates.
@@ -48,25 +61,29 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     if dataset.frames.is_empty() {
         bail!("{} holds no labeled frame", args.data.data.display());
     }
+    if args.filter.is_some() {
+        stream::check(&dataset)?;
+    }
     let extractor = Extractor::new(model.config(), model.camera().clone());
     let described = data::describe(&dataset, &extractor)?;
     let answers: Vec<Answered> = (0..described.samples.len())
         .map(|sample_idx| validate::answer(&model, &described.samples, sample_idx))
         .collect();
-    let mut answers_by_sequence: BTreeMap<String, Vec<Answered>> = BTreeMap::new();
-    for answer in &answers {
-        let sequence = &described.samples[answer.sample_idx].sequence;
-        answers_by_sequence.entry(sequence.clone()).or_default().push(answer.clone());
-    }
     let evaluate = |answers: &[Answered]| validate::evaluate(&dataset, &described, answers);
-    let by_sequence = answers_by_sequence.into_iter().map(|(name, answers)| (name, evaluate(&answers)));
+    let streams = args.filter.as_ref().map(|trusts| {
+        let defaults = [Trust::default()];
+        let trusts = if trusts.is_empty() { &defaults } else { trusts.as_slice() };
+        stream::follow(&model, (&dataset, &described), &answers, trusts)
+    });
+    let by_sequence = by_sequence(&described, &answers).into_iter();
     let known: BTreeSet<&String> = model.places().iter().collect();
     let report = Report {
         model: args.model.clone(),
         simulated: data::is_simulated(&args.data.data),
         n_of_unknown_rooms: described.samples.iter().filter(|sample| !known.contains(&sample.place)).count(),
         evaluation: evaluate(&answers),
-        by_sequence: by_sequence.collect(),
+        by_sequence: by_sequence.map(|(name, answers)| (name, evaluate(&answers))).collect(),
+        streams,
     };
     if args.json {
         say!("{}", serde_json::to_string_pretty(&report)?)?;
@@ -74,6 +91,15 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         print(&report)?;
     }
     Ok(())
+}
+
+fn by_sequence(described: &Described, answers: &[Answered]) -> BTreeMap<String, Vec<Answered>> {
+    let mut by_sequence: BTreeMap<String, Vec<Answered>> = BTreeMap::new();
+    for answer in answers {
+        let sequence = &described.samples[answer.sample_idx].sequence;
+        by_sequence.entry(sequence.clone()).or_default().push(answer.clone());
+    }
+    by_sequence
 }
 
 fn print(report: &Report) -> io::Result<()> {
@@ -96,6 +122,9 @@ fn print(report: &Report) -> io::Result<()> {
     output::print_evaluation(&report.evaluation)?;
     if report.n_of_unknown_rooms > 0 {
         say!("\nFrames of rooms that the model does not know: {}", report.n_of_unknown_rooms)?;
+    }
+    if let Some(streams) = &report.streams {
+        stream::print(streams)?;
     }
     Ok(())
 }

@@ -104,8 +104,8 @@ fn a_single_wrong_frame_does_not_change_the_room_but_several_do() {
     (0..10).for_each(|_| assert_eq!(answer([0.8, 0.1, 0.1]), 0));
     assert_eq!(answer([0.1, 0.8, 0.1]), 0);
     assert_eq!(answer([0.8, 0.1, 0.1]), 0);
-    (0..10).for_each(|_| drop(answer([0.1, 0.8, 0.1])));
-    assert_eq!(answer([0.1, 0.8, 0.1]), 1);
+    let last = (0..10).map(|_| answer([0.1, 0.8, 0.1])).last();
+    assert_eq!(last, Some(1));
 }
 
 #[test]
@@ -129,10 +129,14 @@ fn numbers_that_make_no_sense_do_no_harm() {
 fn a_room_that_was_ruled_out_comes_back() {
     let transitions = Transitions::unlearned(2);
     let mut filter = RoomFilter::new(2, trust(1.0));
-    (0..1000).for_each(|_| drop(filter.update(&transitions, 0.2, &[1.0, 0.0]).to_vec()));
-    assert_eq!(filter.place_idx(), 0);
-    (0..3).for_each(|_| drop(filter.update(&transitions, 0.2, &[0.0, 1.0]).to_vec()));
-    assert_eq!(filter.place_idx(), 1);
+    let mut answer_after = |n_frames: usize, probabilities: [f32; 2]| {
+        for _ in 0..n_frames {
+            filter.update(&transitions, 0.2, &probabilities);
+        }
+        filter.place_idx()
+    };
+    assert_eq!(answer_after(1000, [1.0, 0.0]), 0);
+    assert_eq!(answer_after(3, [0.0, 1.0]), 1);
 }
 
 proptest! {
@@ -142,7 +146,7 @@ proptest! {
     fn agrees_with_the_forward_algorithm_of_a_discrete_model(
         transitions in any_transitions(4),
         frames in prop::collection::vec((0.0f64..90.0, any_probabilities(4)), 1..8),
-        power in 0.05f32..1.0,
+        power in 0.05f32..3.0,
     ) {
         let mut filter = RoomFilter::new(4, trust(power));
         let mut expected = vec![0.25; 4];
@@ -161,7 +165,7 @@ proptest! {
         transitions in any_transitions(5),
         frames in prop::collection::vec((0.0f64..1e9, any_probabilities(5)), 1..20),
     ) {
-        let mut filter = RoomFilter::new(5, trust(1.0));
+        let mut filter = RoomFilter::new(5, trust(10.0));
         for (elapsed, probabilities) in &frames {
             let belief = filter.update(&transitions, *elapsed, probabilities);
             prop_assert!((belief.iter().sum::<f32>() - 1.0).abs() < 1e-5);

@@ -147,7 +147,8 @@ impl Transitions {
     pub(super) fn predict(&self, belief: &[f32], elapsed: f64) -> Vec<f64> {
         assert_eq!(belief.len(), self.dwells.len(), "transitions between other rooms");
         let belief: Vec<f64> = belief.iter().copied().map(f64::from).collect();
-        let n_jumps = elapsed.max(0.0).min(MAX_ELAPSED) / self.shortest_dwell();
+        // The maximum with what is no number is the other number.
+        let n_jumps = elapsed.clamp(0.0, MAX_ELAPSED).max(0.0) / self.shortest_dwell();
         if n_jumps <= MAX_JUMPS {
             return self.after_jumps(belief, n_jumps);
         }
