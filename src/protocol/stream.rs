@@ -122,7 +122,7 @@ pub enum FilterChoice {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilterSettings {
-    /// How much one frame counts, above 0 to 1: lower is steadier and later to notice a change of room.
+    /// How much one frame counts, above 0 to 10: lower is steadier and later to notice a change of room.
     pub trust: f32,
 }
 

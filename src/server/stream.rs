@@ -89,6 +89,11 @@ impl Streams {
         self.tasks.wait().await;
     }
 
+    /// Runs a task that a stop waits for.
+    fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
+        self.tasks.spawn(task.in_current_span());
+    }
+
     /// How to reach a stream of the same key.
     fn arrivals(&self, session: &str, key: Option<&KeyName>) -> Option<mpsc::Sender<Arrival>> {
         let entries = self.entries();
@@ -130,8 +135,7 @@ pub async fn connect(
         response.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, protocol);
     }
     let caller = Caller { key, query, settings };
-    let streams = app.clone();
-    streams.streams.tasks.spawn(welcome(app, upgrade, caller).in_current_span());
+    app.streams.spawn(welcome(app.clone(), upgrade, caller));
     Ok(response)
 }
 

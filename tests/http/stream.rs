@@ -348,6 +348,7 @@ async fn a_robot_that_never_reads_and_one_that_stops_halfway_disturb_nobody() {
     // A header that announces more bytes than ever come.
     let half_stream = half.socket.get_mut();
     tokio::io::AsyncWriteExt::write_all(half_stream, &[0x82, 0xfe, 0x40, 0, 1, 2, 3, 4, 0xff]).await.unwrap();
+    let half = tokio::spawn(async move { half.heard().await });
     let mut deaf_stream = deaf.socket.into_inner().into_std().unwrap();
     deaf_stream.set_nonblocking(false).unwrap();
     deaf_stream.set_write_timeout(Some(Duration::from_millis(500))).unwrap();
@@ -362,7 +363,7 @@ async fn a_robot_that_never_reads_and_one_that_stops_halfway_disturb_nobody() {
         assert_eq!(result(robot.next().await).seq, seq);
     }
     timeout(SOON, flood).await.expect("it is cut off").unwrap();
-    assert!(matches!(half.heard().await, Heard::Closed(Some(1008))));
+    assert!(matches!(half.await.unwrap(), Heard::Closed(Some(1008))));
     let gone = async {
         loop {
             let robots = success(server.get("/v1/robots").send().await.unwrap()).await;

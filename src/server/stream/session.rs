@@ -143,7 +143,8 @@ impl Session {
                 () = app.stopping.cancelled() => return self.drain(socket).await,
                 Some(news) = self.news.recv() => self.hear(news),
                 Some(arrival) = arrivals.recv() => {
-                    socket.close(Close::Replaced).await;
+                    // Whoever is at the other end may never answer: the robot need not wait for that.
+                    app.streams.spawn(socket.close(Close::Replaced));
                     return End::Replaced(Box::new(arrival));
                 }
                 incoming = socket.receive(), if self.may_read() => {

@@ -1,5 +1,6 @@
 //! How a stream is configured, by its URL and by messages.
 
+use crate::filter::Trust;
 use crate::protocol::stream::{Configure, FilterChoice, FilterSettings, Mode, StreamSettings};
 use crate::server::problem::Problem;
 use crate::server::query::check;
@@ -53,8 +54,8 @@ pub fn changed(
         Some(FilterChoice::Switch(true)) => Some(settings.filter.unwrap_or_default()),
         Some(FilterChoice::With(filter)) => Some(filter),
     };
-    if filter.is_some_and(|filter| !(filter.trust > 0.0 && filter.trust <= 1.0)) {
-        return wrong("`trust` of the filter must be above 0 and at most 1".to_owned());
+    if let Some(Err(error)) = filter.map(|filter| Trust::try_from(filter.trust)) {
+        return wrong(error.to_string());
     }
     if change.deadline_ms.is_some_and(|deadline| deadline > MAX_MS) {
         return wrong(format!("`deadline_ms` must be at most {MAX_MS}"));
