@@ -14,7 +14,7 @@
 //! | 6 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
 //! | 7 | [`model`] | the whole pipeline: train, recognize, the file |
 //! | 8 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 9 | [`validate`] | rates of a configuration over splits and seeds |
+//! | 9 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
 //! | 10 | [`experiment`] | the experiments of the papers |
 //! | 11 | [`protocol`] | what travels between robots and the service |
 //! | 12 | [`server`] | the HTTP service |
@@ -46,6 +46,7 @@ pub mod dataset;
 pub mod evaluate;
 pub mod simulate;
 
+pub mod page;
 pub mod validate;
 
 pub mod experiment;
