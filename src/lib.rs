@@ -17,7 +17,7 @@
 //! | 9 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
 //! | 10 | [`experiment`] | the experiments of the papers |
 //! | 11 | [`protocol`] | what travels between robots and the service |
-//! | 12 | [`server`] | the HTTP service |
+//! | 12 | [`client`], [`server`] | a client of the HTTP service, the service |
 //! | 13 | [`cli`] | the commands |
 //!
 //! Groups 1 to 7 are the recognition core. They know no async, no HTTP, no clock and no hidden
@@ -53,6 +53,7 @@ pub mod experiment;
 
 pub mod protocol;
 
+pub mod client;
 pub mod server;
 
 pub mod cli;
