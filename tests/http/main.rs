@@ -5,4 +5,5 @@
 mod calls;
 mod command;
 mod load;
+mod replay;
 mod service;

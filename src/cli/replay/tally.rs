@@ -10,6 +10,8 @@ use std::time::Duration;
 
 /// A frame that leaves later than this after its time is a late one.
 const LATE: Duration = Duration::from_millis(10);
+/// An hour, in microseconds: what takes longer counts as this.
+const LONGEST_US: u64 = 3_600_000_000;
 /// The most points of a course over time; where there would be more, two become one.
 const MAX_WINDOWS: usize = 400;
 /// The most changes of room that are kept.
@@ -72,8 +74,8 @@ impl Tally {
             n_failed: 0,
             dropped: BTreeMap::new(),
             errors: BTreeMap::new(),
-            latency: Histogram::new(3)?,
-            age: Histogram::new(3)?,
+            latency: Histogram::new_with_max(LONGEST_US, 3)?,
+            age: Histogram::new_with_max(LONGEST_US, 3)?,
             raw: Score::default(),
             filtered: Score::default(),
             course: Course { width_s: 1.0, windows: Vec::new() },
