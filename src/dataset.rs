@@ -11,6 +11,7 @@
 
 pub mod cold;
 mod describe;
+mod drives;
 mod error;
 mod files;
 mod folder;

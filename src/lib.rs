@@ -12,15 +12,16 @@
 //! | 4 | [`detect`] | keypoints |
 //! | 5 | [`describe`] | keypoints to descriptors |
 //! | 6 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
-//! | 7 | [`model`] | the whole pipeline: train, recognize, the file |
-//! | 8 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 9 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
-//! | 10 | [`experiment`] | the experiments of the papers |
-//! | 11 | [`protocol`] | what travels between robots and the service |
-//! | 12 | [`client`], [`server`] | a client of the HTTP service, the service |
-//! | 13 | [`cli`] | the commands |
+//! | 7 | [`filter`] | probabilities of frames to the room of a stream |
+//! | 8 | [`model`] | the whole pipeline: train, recognize, the file |
+//! | 9 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
+//! | 10 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
+//! | 11 | [`experiment`] | the experiments of the papers |
+//! | 12 | [`protocol`] | what travels between robots and the service |
+//! | 13 | [`client`], [`server`] | a client of the HTTP service, the service |
+//! | 14 | [`cli`] | the commands |
 //!
-//! Groups 1 to 7 are the recognition core. They know no async, no HTTP, no clock and no hidden
+//! Groups 1 to 8 are the recognition core. They know no async, no HTTP, no clock and no hidden
 //! randomness: seeds are arguments.
 
 pub mod image;
@@ -39,6 +40,8 @@ pub mod boost;
 pub mod folds;
 pub mod svm;
 pub mod vocabulary;
+
+pub mod filter;
 
 pub mod model;
 

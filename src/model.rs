@@ -20,6 +20,7 @@ pub use format::{FORMAT_VERSION, FormatError};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep};
 
 use crate::camera::Camera;
+use crate::filter::Transitions;
 use crate::image::Image;
 use crate::svm::{Calibration, LinearSvm, Scheme, most_probable};
 use crate::vocabulary::Vocabulary;
@@ -65,6 +66,7 @@ pub struct Model {
     places: Vec<String>,
     extractor: Extractor,
     classification: Classification,
+    transitions: Transitions,
     card: Card,
 }
 
@@ -101,6 +103,16 @@ impl Model {
     /// The same model with another card.
     pub fn with_card(self, card: Card) -> Self {
         Self { card, ..self }
+    }
+
+    /// How robots move between its rooms.
+    pub fn transitions(&self) -> &Transitions {
+        &self.transitions
+    }
+
+    /// The same model with these transitions between its rooms, as [`Transitions::learn`] finds them.
+    pub fn with_transitions(self, transitions: Transitions) -> Self {
+        Self { transitions, ..self }
     }
 
     /// The number of words of the vocabulary; 0 where descriptors are compared themselves.

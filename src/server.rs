@@ -13,6 +13,8 @@
 //! | `recognize` | the one path from bytes to an answer |
 //! | `pool` | the threads that recognize, and the bounded queue before them |
 //! | `registry` | the models that serve |
+//! | `stream` | frames over a WebSocket; see there |
+//! | `events`, `robots` | what dashboards are told |
 //! | `problem` | every error a caller can see; the only place with status codes |
 //! | `api`, `openapi` | what travels, and its description |
 //! | `linger` | reading on after an early answer |
@@ -24,6 +26,7 @@
 mod api;
 mod auth;
 mod body;
+mod events;
 mod linger;
 mod listen;
 mod observe;
@@ -33,8 +36,10 @@ mod problem;
 mod query;
 mod recognize;
 mod registry;
+mod robots;
 mod routes;
 mod settings;
+mod stream;
 
 pub use auth::{Key, KeyError, Role};
 pub use listen::serve;
@@ -42,13 +47,15 @@ pub use registry::RegistryError;
 pub use routes::{document, router};
 pub use settings::{LogFormat, Settings, SettingsError};
 
+use events::Events;
 use observe::RequestIds;
 use pool::Pool;
 use registry::Registry;
 use std::ops::Deref;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use stream::Streams;
 use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
 
 /// The running service, without a socket. Cheap to clone; all clones are one.
 #[derive(Clone)]
@@ -62,7 +69,9 @@ pub struct AppState {
     /// One permit for each byte of a body that may be held.
     body_memory: Arc<Semaphore>,
     request_ids: RequestIds,
-    draining: AtomicBool,
+    streams: Streams,
+    events: Events,
+    stopping: CancellationToken,
 }
 
 /// Why the service cannot start.
@@ -85,19 +94,21 @@ impl App {
             pool: Pool::new(settings.n_threads(), settings.queue)?,
             body_memory: Arc::new(Semaphore::new(settings.max_buffered_bytes)),
             request_ids: RequestIds::new(),
-            draining: AtomicBool::new(false),
+            streams: Streams::new(settings.max_streams),
+            events: Events::default(),
+            stopping: CancellationToken::new(),
             settings,
         })))
     }
 
     /// Refuses frames from now on; those accepted are answered.
     pub fn drain(&self) {
-        self.draining.store(true, Ordering::Relaxed);
+        self.stopping.cancel();
     }
 
     /// Whether the service is stopping.
     pub fn is_draining(&self) -> bool {
-        self.draining.load(Ordering::Relaxed)
+        self.stopping.is_cancelled()
     }
 }
 

@@ -75,7 +75,8 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let answers: Vec<Answered> = held_out.iter().map(|held_out| answered(&model, held_out)).collect();
     let evaluation = validate::evaluate(&dataset, &described, &answers);
     let card = card(args, &dataset, &described, &evaluation);
-    let model = model.with_card(card.clone());
+    let transitions = dataset.transitions(model.places());
+    let model = model.with_card(card.clone()).with_transitions(transitions);
     let golden = if args.no_golden_frames { Vec::new() } else { golden_frames(&model, &dataset, &described) };
     model.save(&args.output, &golden)?;
 

@@ -2,11 +2,12 @@
 
 use super::{Client, ClientError, PATIENCE, refused, retry_after};
 use crate::protocol::header::Header;
-use crate::protocol::stream::{ClientMessage, Configure, Hello, Mode, SUBPROTOCOL, ServerMessage};
+use crate::protocol::stream::{
+    ClientMessage, Configure, FilterChoice, Hello, SUBPROTOCOL, ServerMessage, StreamQuery,
+};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use reqwest::header::{AUTHORIZATION, SEC_WEBSOCKET_PROTOCOL};
-use serde::Serialize;
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
@@ -51,20 +52,20 @@ pub struct ResumePoint {
 
 impl Stream {
     pub(super) async fn open(client: &Client, configure: &Configure) -> Result<Self, ClientError> {
-        let Configure { robot, model, mode, .. } = configure.clone();
-        let query = Query { robot, model, mode, ..Query::default() };
-        let mut stream = Self::connect(client, &query).await?;
-        // The query has said these.
-        let rest = Configure { robot: None, model: None, mode: None, ..configure.clone() };
-        if rest != Configure::default() {
-            stream.configure(&rest).await?;
+        let mut stream = Self::connect(client, &query_of(configure)).await?;
+        // An address has no words for how the filter weighs frames.
+        if let Some(FilterChoice::With(_)) = configure.filter {
+            stream.configure(&Configure { filter: configure.filter, ..Configure::default() }).await?;
         }
         Ok(stream)
     }
 
     pub(super) async fn resume(client: &Client, point: &ResumePoint) -> Result<Self, ClientError> {
-        let query =
-            Query { session: Some(point.session.clone()), last_seq: point.last_seq, ..Query::default() };
+        let query = StreamQuery {
+            session: Some(point.session.clone()),
+            last_seq: point.last_seq,
+            ..StreamQuery::default()
+        };
         let mut stream = Self::connect(client, &query).await?;
         if stream.hello.resumed {
             stream.receiver.point.last_seq = point.last_seq;
@@ -111,11 +112,11 @@ impl Stream {
     }
 
     /// Connects, and waits for `hello`.
-    async fn connect(client: &Client, query: &Query) -> Result<Self, ClientError> {
+    async fn connect(client: &Client, query: &StreamQuery) -> Result<Self, ClientError> {
         timeout(PATIENCE, Self::connect_patiently(client, query)).await.map_err(|_| ClientError::Late)?
     }
 
-    async fn connect_patiently(client: &Client, query: &Query) -> Result<Self, ClientError> {
+    async fn connect_patiently(client: &Client, query: &StreamQuery) -> Result<Self, ClientError> {
         let mut request = stream_url(client, query)?.into_client_request().map_err(broken)?;
         let headers = request.headers_mut();
         headers.insert(SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(SUBPROTOCOL));
@@ -196,17 +197,14 @@ impl StreamReceiver {
     }
 }
 
-/// What the address of a stream says of it.
-#[derive(Default, Serialize)]
-struct Query {
-    session: Option<String>,
-    last_seq: Option<u64>,
-    robot: Option<String>,
-    model: Option<String>,
-    mode: Option<Mode>,
+/// A configuration as the address of a stream says it.
+fn query_of(configure: &Configure) -> StreamQuery {
+    let Configure { robot, model, mode, interval_ms, filter, deadline_ms, top } = configure.clone();
+    let filter = filter.map(|filter| filter != FilterChoice::Switch(false));
+    StreamQuery { robot, model, mode, interval_ms, filter, deadline_ms, top, session: None, last_seq: None }
 }
 
-fn stream_url(client: &Client, query: &Query) -> Result<String, ClientError> {
+fn stream_url(client: &Client, query: &StreamQuery) -> Result<String, ClientError> {
     let call = client.http.get(client.endpoint("v1/stream")).query(query).build()?;
     Ok(call.url().as_str().replacen("http", "ws", 1))
 }
@@ -238,7 +236,7 @@ fn closed(frame: Option<tungstenite::protocol::CloseFrame>) -> ClientError {
 mod tests {
     use super::super::fake::{self, Connection, NO_KEY};
     use super::*;
-    use crate::protocol::stream::{DropReason, FilterChoice};
+    use crate::protocol::stream::{DropReason, FilterSettings, Mode};
 
     fn dropped(seq: u64) -> ServerMessage {
         ServerMessage::Dropped { seq, reason: DropReason::Superseded }
@@ -278,7 +276,7 @@ mod tests {
         let configure = Configure {
             robot: Some("wall e".into()),
             mode: Some(Mode::Lossless),
-            filter: Some(FilterChoice::Switch(false)),
+            filter: Some(FilterChoice::With(FilterSettings { trust: 0.5 })),
             ..Configure::default()
         };
         let mut stream = client(&url.await).stream(&configure).await.unwrap();
@@ -287,7 +285,7 @@ mod tests {
         };
         assert_eq!(
             problem.detail,
-            r#"/v1/stream?robot=wall+e&mode=lossless {"type":"configure","filter":false}"#
+            r#"/v1/stream?robot=wall+e&mode=lossless&filter=true {"type":"configure","filter":{"trust":0.5}}"#
         );
     }
 

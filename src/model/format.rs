@@ -13,12 +13,14 @@
 //! | `boost.n_stumps` | u32, rooms |
 //! | `boost.features`, `boost.thresholds`, `boost.weights` | u32, f32, f32, stumps |
 //! | `calibration.slopes`, `calibration.offsets` | f32, machines |
+//! | `transitions.dwells`, `transitions.next` | f32, rooms, rooms x rooms; unlearned when left out |
 //! | `camera.mask` | u8, height x width; only with a mask |
 
 use super::arrays::{self, Array, require};
 use super::machines::Machines;
 use super::{Card, Classification, Config, Extractor, Model};
 use crate::camera::{Camera, Mask, Projection};
+use crate::filter::Transitions;
 use crate::svm::Calibration;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
@@ -86,6 +88,8 @@ impl Model {
         let mut arrays = machines.to_arrays();
         arrays.push(Array::vector("calibration.slopes", calibration.slopes()));
         arrays.push(Array::vector("calibration.offsets", calibration.offsets()));
+        arrays.push(Array::vector("transitions.dwells", self.transitions.dwells()));
+        arrays.push(Array::matrix("transitions.next", self.transitions.next()));
         if let Some(mask) = &self.camera().mask {
             arrays.push(Array::picture("camera.mask", mask.picture()));
         }
@@ -128,13 +132,25 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     let offsets = arrays::read_vector(file, "calibration.offsets")?;
     let calibration = Calibration::from_parts(config.classifier.scheme(), places.len(), slopes, offsets)
         .map_err(|error| FormatError::Damaged(error.to_string()))?;
+    let transitions = transitions(places.len(), file)?;
     let mask = arrays::read_picture(file, "camera.mask")?.map(Mask::new);
     let camera = Camera { projection: camera, mask };
     Ok(Model {
         places,
+        transitions,
         extractor: Extractor::new(&config, camera),
         classification: Classification { machines, calibration, known_probability },
         config,
         card,
     })
+}
+
+/// Files of models that were trained before transitions were learned hold none.
+fn transitions(n_places: usize, file: &SafeTensors) -> Result<Transitions, FormatError> {
+    if file.tensor("transitions.dwells").is_err() {
+        return Ok(Transitions::unlearned(n_places));
+    }
+    let dwells = arrays::read_vector(file, "transitions.dwells")?;
+    let next = arrays::read_matrix(file, "transitions.next")?;
+    Transitions::from_parts(n_places, dwells, next).map_err(|error| FormatError::Damaged(error.to_string()))
 }

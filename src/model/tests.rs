@@ -160,12 +160,15 @@ fn the_file_holds_everything() {
     let camera = Camera { projection: Projection::Omnidirectional(mirror), mask: Some(mask) };
     let training = train(&samples(&config, 48, 1), &config, camera).unwrap();
     let card = Card { description: "three patterns".to_owned(), ..Card::default() };
-    let model = training.model.with_card(card);
+    let step = crate::filter::Step { from: 0, to: 2, seconds: 3.0 };
+    let transitions = Transitions::learn(3, [step]);
+    let model = training.model.with_card(card).with_transitions(transitions);
     let bytes = model.to_bytes().unwrap();
     let read = Model::from_bytes(&bytes).unwrap();
     assert_eq!(read.to_bytes().unwrap(), bytes);
     assert_eq!(read.card(), model.card());
     assert_eq!(read.camera(), model.camera());
+    assert_eq!(read.transitions(), model.transitions());
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let frame = frame(1, &mut random);
     assert_eq!(

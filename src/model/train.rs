@@ -4,6 +4,7 @@ use super::machines::Machines;
 use super::{Card, Classification, Config, Extractor, Features, Model, Recognition, Sigmoids};
 use crate::boost::BoostError;
 use crate::camera::Camera;
+use crate::filter::Transitions;
 use crate::folds::{folds, spread_single_fold_labels};
 use crate::matrix::Matrix;
 use crate::svm::{self, Calibration, Scheme, SvmError};
@@ -78,7 +79,8 @@ impl Model {
     /// Trains on samples that were described by `extractor`, which was made from the same `config`.
     ///
     /// Probabilities are calibrated on held-out folds; see [`crate::folds`]. The result depends on the
-    /// arguments alone. `progress` is called before each step.
+    /// arguments alone. Samples do not say when they were taken: transitions between rooms are left to
+    /// [`Model::with_transitions`]. `progress` is called before each step.
     pub fn train(
         samples: &[&Sample],
         config: &Config,
@@ -117,6 +119,7 @@ impl Model {
         let held_out: Vec<HeldOut> = held_out.collect();
         let model = Self {
             config: config.clone(),
+            transitions: Transitions::unlearned(places.len()),
             places,
             extractor: Extractor::new(config, camera),
             classification,

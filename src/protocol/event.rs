@@ -1,7 +1,7 @@
 //! What dashboards are told: events as they happen, and who streams.
 
-use super::rest::{ModelName, RoomProbability, TimingsMs};
-use super::stream::{DropReason, Mode};
+use super::rest::{Answer, ModelName, RoomProbability, TimingsMs};
+use super::stream::{DropReason, Mode, StreamResult};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use utoipa::ToSchema;
@@ -57,6 +57,37 @@ pub struct AnswerEvent {
     pub known: bool,
     /// From the frame's arrival to its answer, in milliseconds.
     pub latency_ms: f64,
+}
+
+impl AnswerEvent {
+    /// Of a frame that was answered by itself, `latency_ms` after it arrived.
+    pub fn of_frame(answer: &Answer, latency_ms: f64) -> Self {
+        Self {
+            robot: answer.robot.clone(),
+            session: None,
+            room: answer.room.clone(),
+            probability: answer.probability,
+            probabilities: answer.probabilities.clone(),
+            known: answer.known,
+            latency_ms,
+        }
+    }
+
+    /// Of a frame of a stream.
+    pub fn of_stream(session: &str, result: &StreamResult, latency_ms: f64) -> Self {
+        let of_frame = Self::of_frame(&result.answer, latency_ms);
+        let session = Some(session.to_owned());
+        match &result.filtered {
+            None => Self { session, ..of_frame },
+            Some(filtered) => Self {
+                session,
+                room: filtered.room.clone(),
+                probability: filtered.probability,
+                probabilities: filtered.probabilities.clone(),
+                ..of_frame
+            },
+        }
+    }
 }
 
 /// All robots that stream.

@@ -5,14 +5,57 @@
 //! `seq`, in increasing order of `seq`.
 
 use super::rest::{Answer, ModelName, ProblemBody, RoomProbability};
+use crate::filter::Trust;
 use serde::{Deserialize, Serialize};
-use utoipa::ToSchema;
+use utoipa::{IntoParams, ToSchema};
 
 /// The subprotocol that both sides name.
 pub const SUBPROTOCOL: &str = "roomsight.v1";
 
 /// What begins the subprotocol that carries a key, for browsers, which cannot set `Authorization`.
 pub const KEY_SUBPROTOCOL_PREFIX: &str = "key.";
+
+/// How a stream begins, or goes on.
+#[derive(Clone, Debug, Default, Serialize, Deserialize, IntoParams)]
+#[serde(deny_unknown_fields)]
+#[into_params(parameter_in = Query)]
+pub struct StreamQuery {
+    /// The stream to resume, as `hello` named it. Where it is over, a new one begins.
+    pub session: Option<String>,
+    /// The last frame whose answer arrived; the answers after it that are still kept are sent again.
+    pub last_seq: Option<u64>,
+    /// Who streams.
+    #[param(example = "wall-e", max_length = 64)]
+    pub robot: Option<String>,
+    /// The name of the model that answers; left out: the default one.
+    pub model: Option<String>,
+    /// What happens to frames that come faster than they are answered.
+    #[param(inline)]
+    pub mode: Option<Mode>,
+    /// With the mode `sampled`: the least time between two frames that are looked at.
+    pub interval_ms: Option<u64>,
+    /// Whether to filter the rooms over time; left out: yes.
+    pub filter: Option<bool>,
+    /// How long a frame may wait before it is looked at.
+    pub deadline_ms: Option<u64>,
+    /// How many of the most probable rooms to name; left out: all.
+    pub top: Option<usize>,
+}
+
+impl StreamQuery {
+    /// What it configures.
+    pub fn change(&self) -> Configure {
+        Configure {
+            robot: self.robot.clone(),
+            model: self.model.clone(),
+            mode: self.mode,
+            interval_ms: self.interval_ms,
+            filter: self.filter.map(FilterChoice::Switch),
+            deadline_ms: self.deadline_ms,
+            top: self.top,
+        }
+    }
+}
 
 /// What a robot sends as text.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
@@ -80,6 +123,12 @@ pub enum FilterChoice {
 pub struct FilterSettings {
     /// How much one frame counts, above 0 to 1: lower is steadier and later to notice a change of room.
     pub trust: f32,
+}
+
+impl Default for FilterSettings {
+    fn default() -> Self {
+        Self { trust: Trust::default().into() }
+    }
 }
 
 /// How a stream is configured.

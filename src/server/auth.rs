@@ -5,6 +5,7 @@
 
 use super::App;
 use super::problem::Problem;
+use crate::protocol::stream::KEY_SUBPROTOCOL_PREFIX;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
@@ -72,6 +73,9 @@ pub enum AuthError {
     /// A key that nobody has.
     #[error("the key is not known here; check it, or ask the operator for one")]
     Unknown,
+    /// A page of another site, in a browser that can reach a service without keys.
+    #[error("a page of another site may not open a stream here; give the service keys, and the page one")]
+    Origin,
     /// A key whose role does not allow this.
     #[error("a key with the role {has} may not do this; it takes the role {needs}, or admin")]
     Forbidden {
@@ -189,11 +193,22 @@ pub async fn viewers(State(app): State<App>, request: Request, next: Next) -> Re
     pass(&app, Role::Viewer, request, next).await
 }
 
-async fn pass(app: &App, needs: Role, request: Request, next: Next) -> Response {
+/// Lets admins pass.
+pub async fn admins(State(app): State<App>, request: Request, next: Next) -> Response {
+    pass(&app, Role::Admin, request, next).await
+}
+
+/// The name of the key of a request that has one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct KeyName(pub String);
+
+async fn pass(app: &App, needs: Role, mut request: Request, next: Next) -> Response {
     match authorize(&app.settings.keys, request.headers(), needs) {
         Ok(name) => {
             if let Some(name) = name {
                 tracing::Span::current().record("key", name);
+                let name = KeyName(name.to_owned());
+                request.extensions_mut().insert(name);
             }
             next.run(request).await
         }
@@ -206,7 +221,15 @@ fn secret(headers: &HeaderMap) -> Option<&[u8]> {
         let (scheme, key) = value.as_bytes().split_at_checked("Bearer ".len())?;
         scheme.eq_ignore_ascii_case(b"Bearer ").then_some(key.trim_ascii())
     });
-    bearer.or_else(|| Some(headers.get(KEY_HEADER)?.as_bytes()))
+    bearer.or_else(|| Some(headers.get(KEY_HEADER)?.as_bytes())).or_else(|| {
+        subprotocols(headers).find_map(|name| name.strip_prefix(KEY_SUBPROTOCOL_PREFIX.as_bytes()))
+    })
+}
+
+/// The subprotocols that a WebSocket's request offers.
+pub fn subprotocols(headers: &HeaderMap) -> impl Iterator<Item = &[u8]> {
+    let lists = headers.get_all(header::SEC_WEBSOCKET_PROTOCOL).into_iter();
+    lists.flat_map(|list| list.as_bytes().split(|&byte| byte == b',')).map(<[u8]>::trim_ascii)
 }
 
 #[cfg(test)]

@@ -35,6 +35,17 @@ pub struct Frame {
     held: Arc<OwnedSemaphorePermit>,
 }
 
+impl Frame {
+    /// Takes the memory for bytes that are here already.
+    ///
+    /// # Errors
+    /// None is left.
+    pub fn hold(bytes: Bytes, memory: &Arc<Semaphore>) -> Result<Self, BodyError> {
+        let held = Arc::new(take(memory, bytes.len())?);
+        Ok(Self { bytes, held })
+    }
+}
+
 /// The one frame of a request: the image itself, a form, or JSON.
 pub struct OneFrame(pub Frame);
 

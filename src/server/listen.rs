@@ -43,7 +43,7 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
     let mut late = JoinSet::new();
     tokio::select! {
         never = acceptor.run(&mut late, Life::OneRequest) => match never {},
-        () = finished(&mut connections) => tracing::info!("stopped"),
+        () = finished(&mut connections, &app) => tracing::info!("stopped"),
         () = tokio::time::sleep(app.settings.drain_timeout()) => {
             tracing::warn!(connections = connections.len(), "stopped before all requests were answered");
         }
@@ -133,6 +133,8 @@ async fn stop(mut stopped: watch::Receiver<bool>) {
     let _ = stopped.wait_for(|stopped| *stopped).await;
 }
 
-async fn finished(connections: &mut JoinSet<()>) {
+/// Ready when all connections are done, and the streams that some of them became.
+async fn finished(connections: &mut JoinSet<()>, app: &App) {
     while connections.join_next().await.is_some() {}
+    app.streams.finished().await;
 }

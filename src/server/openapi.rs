@@ -23,6 +23,7 @@ const KEY: &str = "key";
     ),
     tags(
         (name = "recognize", description = "Frames to rooms"),
+        (name = "dashboards", description = "Who streams, and what happens"),
         (name = "models", description = "What recognizes them"),
         (name = "health", description = "Whether the service works")
     ),
@@ -59,6 +60,18 @@ pub struct FrameProblems;
 /// What can go wrong when models are read.
 pub struct ModelProblems;
 
+/// What can go wrong when a version is activated.
+pub struct ActivateProblems;
+
+/// What can go wrong for dashboards.
+pub struct ViewerProblems;
+
+/// What can go wrong when one robot is asked for.
+pub struct RobotProblems;
+
+/// What can go wrong before a stream begins.
+pub struct StreamProblems;
+
 /// What can go wrong when readiness is asked for.
 pub struct ReadyProblems;
 
@@ -67,7 +80,8 @@ pub struct PathProblems;
 
 impl IntoResponses for FrameProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        let concerns_paths = |kind: &Kind| matches!(kind, Kind::NotFound | Kind::MethodNotAllowed);
+        let concerns_paths =
+            |kind: &Kind| matches!(kind, Kind::NotFound | Kind::MethodNotAllowed | Kind::NoWebSocket);
         responses(Kind::ALL.into_iter().filter(|kind| !concerns_paths(kind)))
     }
 }
@@ -75,6 +89,45 @@ impl IntoResponses for FrameProblems {
 impl IntoResponses for ModelProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
         responses([Kind::BadRequest, Kind::Unauthorized, Kind::Forbidden, Kind::NoSuchModel, Kind::Internal])
+    }
+}
+
+impl IntoResponses for ActivateProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        responses([
+            Kind::BadRequest,
+            Kind::Unauthorized,
+            Kind::Forbidden,
+            Kind::NoSuchModel,
+            Kind::NotReady,
+            Kind::Internal,
+        ])
+    }
+}
+
+impl IntoResponses for ViewerProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        responses([Kind::Unauthorized, Kind::Forbidden])
+    }
+}
+
+impl IntoResponses for RobotProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        responses([Kind::Unauthorized, Kind::Forbidden, Kind::NotFound])
+    }
+}
+
+impl IntoResponses for StreamProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        responses([
+            Kind::BadRequest,
+            Kind::Unauthorized,
+            Kind::Forbidden,
+            Kind::NoSuchModel,
+            Kind::NotReady,
+            Kind::NoWebSocket,
+            Kind::Draining,
+        ])
     }
 }
 

@@ -5,7 +5,7 @@ use super::auth::AuthError;
 use super::body::BodyError;
 use super::pool::QueueFull;
 use super::recognize::RecognizeError;
-use super::registry::LookupError;
+use super::registry::{ActivateError, LookupError};
 use crate::image::ImageError;
 use crate::protocol::rest::ProblemBody;
 use Kind as K;
@@ -38,6 +38,15 @@ pub enum Problem {
     /// The query or the path is wrong.
     #[error("{0}")]
     Query(String),
+    /// No WebSocket was asked for.
+    #[error("open a WebSocket with the subprotocol roomsight.v1 here: {0}")]
+    NoWebSocket(String),
+    /// Another version does not come to serve.
+    #[error(transparent)]
+    Activate(#[from] ActivateError),
+    /// Nobody of this name streams.
+    #[error("no robot {0:?} streams; GET /v1/robots lists those that do")]
+    NoRobot(String),
     /// There is nothing of this name.
     #[error("{}", K::NotFound.advice())]
     NotFound,
@@ -74,6 +83,8 @@ pub enum Kind {
     UnsupportedType,
     /// Bytes that are no image.
     NotAnImage,
+    /// A call that is no WebSocket.
+    NoWebSocket,
     /// No slot is free.
     QueueFull,
     /// A defect of ours.
@@ -86,7 +97,7 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds, by status.
-    pub const ALL: [Self; 15] = [
+    pub const ALL: [Self; 16] = [
         K::BadRequest,
         K::Unauthorized,
         K::Forbidden,
@@ -98,6 +109,7 @@ impl Kind {
         K::TooLarge,
         K::UnsupportedType,
         K::NotAnImage,
+        K::NoWebSocket,
         K::QueueFull,
         K::Internal,
         K::Draining,
@@ -117,6 +129,7 @@ impl Kind {
             K::TooLarge => StatusCode::PAYLOAD_TOO_LARGE,
             K::UnsupportedType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
             K::NotAnImage => StatusCode::UNPROCESSABLE_ENTITY,
+            K::NoWebSocket => StatusCode::UPGRADE_REQUIRED,
             K::QueueFull => StatusCode::TOO_MANY_REQUESTS,
             K::Internal => StatusCode::INTERNAL_SERVER_ERROR,
             K::Draining => StatusCode::SERVICE_UNAVAILABLE,
@@ -138,6 +151,7 @@ impl Kind {
             K::TooLarge => "too-large",
             K::UnsupportedType => "unsupported-type",
             K::NotAnImage => "not-an-image",
+            K::NoWebSocket => "no-websocket",
             K::QueueFull => "queue-full",
             K::Internal => "internal",
             K::Draining => "draining",
@@ -159,6 +173,7 @@ impl Kind {
             K::TooLarge => "Too many bytes, pixels or frames",
             K::UnsupportedType => "A body of this type is not read here",
             K::NotAnImage => "The body is not an image that can be read",
+            K::NoWebSocket => "The path takes a WebSocket",
             K::QueueFull => "The queue is full",
             K::Internal => "The service failed",
             K::Draining => "The service is stopping",
@@ -179,6 +194,7 @@ impl Kind {
             K::NotReady => "ask for the version that serves, or for none",
             K::TooLarge => "send fewer bytes, fewer pixels or fewer frames",
             K::UnsupportedType => "send the image itself as image/jpeg, or multipart/form-data, or JSON",
+            K::NoWebSocket => "open a WebSocket with the subprotocol roomsight.v1, for example with websocat",
             K::NotAnImage => "send a whole JPEG, PNG, WebP, BMP or PGM image",
             K::QueueFull => "try again after the time in Retry-After, or send fewer frames",
             K::Internal => "try again; if it stays, give the operator the request id",
@@ -203,21 +219,25 @@ impl Problem {
     pub fn kind(&self) -> Kind {
         match self {
             Self::Auth(AuthError::Missing | AuthError::Unknown) => K::Unauthorized,
-            Self::Auth(AuthError::Forbidden { .. }) => K::Forbidden,
+            Self::Auth(AuthError::Forbidden { .. } | AuthError::Origin) => K::Forbidden,
             Self::Body(BodyError::TooLarge { .. } | BodyError::TooManyFrames(_)) => K::TooLarge,
             Self::Body(BodyError::Slow(_)) => K::SlowBody,
             Self::Body(BodyError::UnsupportedType(..)) => K::UnsupportedType,
             Self::Body(BodyError::Empty | BodyError::Malformed(_) | BodyError::Broken(_)) => K::BadRequest,
             Self::Body(BodyError::NoMemory(_)) => K::QueueFull,
-            Self::Lookup(LookupError::NoModel(_) | LookupError::NoVersion(..)) => K::NoSuchModel,
-            Self::Lookup(LookupError::NotReady(..) | LookupError::NoLabel(..)) => K::NotReady,
+            Self::Lookup(error) | Self::Activate(ActivateError::Lookup(error)) => match error {
+                LookupError::NoModel(_) | LookupError::NoVersion(..) => K::NoSuchModel,
+                LookupError::NotReady(..) | LookupError::NoLabel(..) => K::NotReady,
+            },
             Self::Busy(_) => K::QueueFull,
             Self::Recognize(RecognizeError::Image(ImageError::TooLarge(_))) => K::TooLarge,
             Self::Recognize(RecognizeError::Image(_)) => K::NotAnImage,
             Self::Recognize(RecognizeError::DeadlinePassed) => K::DeadlinePassed,
             Self::Recognize(RecognizeError::CallerLeft | RecognizeError::Panicked(_)) => K::Internal,
             Self::Query(_) => K::BadRequest,
-            Self::NotFound => K::NotFound,
+            Self::NoWebSocket(_) => K::NoWebSocket,
+            Self::Activate(ActivateError::Failed(_)) => K::NotReady,
+            Self::NotFound | Self::NoRobot(_) => K::NotFound,
             Self::Draining => K::Draining,
             Self::Framework(status) => Kind::from_status(*status),
         }

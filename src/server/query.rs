@@ -9,7 +9,6 @@ use crate::protocol::rest::RecognizeQuery;
 use axum::Extension;
 use axum::extract::{FromRequestParts, Query};
 use axum::http::request::Parts;
-use std::sync::Arc;
 use std::time::Duration;
 
 const MAX_TEXT_BYTES: usize = 64;
@@ -46,7 +45,7 @@ impl FromRequestParts<App> for Asked {
         }
         let wait = query.deadline_ms.map(Duration::from_millis);
         let task = Task {
-            served: Arc::clone(served),
+            served,
             deadline: wait.and_then(|wait| context.arrived.checked_add(wait)),
             explain: query.explain,
         };
@@ -64,7 +63,7 @@ fn choice(query: &RecognizeQuery) -> Result<Choice, Problem> {
 }
 
 /// Texts that are sent back and logged are short and have no control characters.
-fn check(name: &str, text: Option<&str>) -> Result<(), Problem> {
+pub fn check(name: &str, text: Option<&str>) -> Result<(), Problem> {
     match text {
         Some(text) if text.len() > MAX_TEXT_BYTES || text.chars().any(char::is_control) => {
             Err(Problem::Query(format!(

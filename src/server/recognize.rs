@@ -89,15 +89,8 @@ pub fn recognize(
             return Err(RecognizeError::DeadlinePassed);
         }
         let _ = start.send(());
-        let (image, decode) = timed(|| Image::decode(&frame.bytes, &limits));
-        let image = image?;
-        drop(frame);
-        if has_left() {
-            return Err(RecognizeError::CallerLeft);
-        }
-        let mut seen = see(task, &image);
+        let mut seen = look(frame, &limits, task, has_left)?;
         seen.timings.queue = queue;
-        seen.timings.decode = decode;
         Ok(seen)
     });
     async move {
@@ -108,6 +101,24 @@ pub fn recognize(
         }
         answer.await?
     }
+}
+
+/// Decodes a frame and sees what is in it, in this thread; `has_left` tells whether nobody waits any more.
+pub fn look(
+    frame: Frame,
+    limits: &Limits,
+    task: Task,
+    has_left: &dyn Fn() -> bool,
+) -> Result<Seen, RecognizeError> {
+    let (image, decode) = timed(|| Image::decode(&frame.bytes, limits));
+    let image = image?;
+    drop(frame);
+    if has_left() {
+        return Err(RecognizeError::CallerLeft);
+    }
+    let mut seen = see(task, &image);
+    seen.timings.decode = decode;
+    Ok(seen)
 }
 
 /// Sends frames through decoding and recognition before a robot does: the golden ones of the model's

@@ -1,6 +1,7 @@
-//! The models that serve: a folder `NAME/VERSION/`, its highest version a name serving.
+//! The models that serve: a folder `NAME/VERSION/`. At the start the highest version of a name serves;
+//! another one that was found then can be activated while frames are answered.
 //!
-//! What is found at the start stays; a version that comes while the service runs is not looked at.
+//! A version that comes while the service runs is not looked at.
 
 use crate::model::{GoldenFrame, LoadError, LoadedModel, Model, load_golden_frames};
 use std::collections::BTreeMap;
@@ -8,7 +9,7 @@ use std::fmt;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
 /// The label of the version that answers requests that ask for none.
 pub const STABLE: &str = "stable";
@@ -18,19 +19,25 @@ const MAX_NAME_BYTES: usize = 64;
 /// All models by name.
 #[derive(Debug)]
 pub struct Registry {
-    models: BTreeMap<String, Versions>,
+    models: RwLock<BTreeMap<String, Versions>>,
     default_name: String,
 }
 
-/// All versions of one model by number.
-pub type Versions = BTreeMap<u64, State>;
+/// All versions of one model.
+#[derive(Clone, Debug, Default)]
+pub struct Versions {
+    /// By number.
+    pub states: BTreeMap<u64, State>,
+    /// The one that answers where none is asked for.
+    pub serving: Option<Arc<ServedModel>>,
+}
 
 /// What is true of one version.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub enum State {
-    /// It is there; a higher version serves.
-    Discovered,
-    /// It serves.
+    /// It lies in this folder; another version serves.
+    Discovered(PathBuf),
+    /// It can answer.
     Ready(Arc<ServedModel>),
     /// It was tried and will not serve.
     Failed(Failure),
@@ -65,7 +72,7 @@ pub struct ServedModel {
     /// How many times the serving version of this name was set; 1 for what the start found.
     pub epoch: u64,
     /// The model itself.
-    pub model: Model,
+    pub model: Arc<Model>,
     /// The BLAKE3 digest of its file, 64 hexadecimal digits.
     pub digest: String,
 }
@@ -111,6 +118,17 @@ pub enum RegistryError {
     },
 }
 
+/// Why another version does not come to serve.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+pub enum ActivateError {
+    /// It is not there.
+    #[error(transparent)]
+    Lookup(#[from] LookupError),
+    /// It does not work.
+    #[error("the version does not come to serve, what served serves on: {0}")]
+    Failed(#[from] Failure),
+}
+
 /// Why a request gets no model.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 pub enum LookupError {
@@ -152,7 +170,7 @@ impl Registry {
             models.insert(name, versions);
         }
         let serving: Vec<String> =
-            models.iter().filter(|(_, v)| serving(v).is_some()).map(|(name, _)| name.clone()).collect();
+            models.iter().filter(|(_, v)| v.serving.is_some()).map(|(name, _)| name.clone()).collect();
         let Some(first) = serving.first() else {
             return Err(nothing_serves(folder, &models));
         };
@@ -160,12 +178,12 @@ impl Registry {
         if !serving.iter().any(|name| name == default_name) {
             return Err(RegistryError::NoDefault { wanted: default_name.to_owned(), serving });
         }
-        Ok(Self { default_name: default_name.to_owned(), models })
+        Ok(Self { default_name: default_name.to_owned(), models: RwLock::new(models) })
     }
 
-    /// All models by name.
-    pub fn models(&self) -> &BTreeMap<String, Versions> {
-        &self.models
+    /// All models by name, as they are now.
+    pub fn models(&self) -> RwLockReadGuard<'_, BTreeMap<String, Versions>> {
+        self.models.read().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The model of requests that name none.
@@ -174,39 +192,69 @@ impl Registry {
     }
 
     /// The versions of one model.
-    pub fn versions(&self, name: &str) -> Result<&Versions, LookupError> {
-        self.models.get(name).ok_or_else(|| LookupError::NoModel(name.to_owned()))
-    }
-
-    /// The state of one version.
-    pub fn version(&self, name: &str, version: u64) -> Result<&State, LookupError> {
-        let state = self.versions(name)?.get(&version);
-        state.ok_or_else(|| LookupError::NoVersion(name.to_owned(), version))
+    pub fn versions(&self, name: &str) -> Result<Versions, LookupError> {
+        self.models().get(name).cloned().ok_or_else(|| LookupError::NoModel(name.to_owned()))
     }
 
     /// The model that answers a request.
-    pub fn choose(&self, name: Option<&str>, choice: &Choice) -> Result<&Arc<ServedModel>, LookupError> {
+    pub fn choose(&self, name: Option<&str>, choice: &Choice) -> Result<Arc<ServedModel>, LookupError> {
         let name = name.unwrap_or(&self.default_name);
-        let versions = self.versions(name)?;
+        let models = self.models();
+        let versions = models.get(name).ok_or_else(|| LookupError::NoModel(name.to_owned()))?;
         let no_label = |label: &str| LookupError::NoLabel(name.to_owned(), label.to_owned());
         match choice {
-            Choice::Serving => serving(versions).ok_or_else(|| no_label(STABLE)),
-            Choice::Label(label) if label == STABLE => serving(versions).ok_or_else(|| no_label(STABLE)),
+            Choice::Serving => versions.serving.clone().ok_or_else(|| no_label(STABLE)),
+            Choice::Label(label) if label == STABLE => {
+                versions.serving.clone().ok_or_else(|| no_label(STABLE))
+            }
             Choice::Label(label) => Err(no_label(label)),
-            Choice::Version(version) => match self.version(name, *version)? {
-                State::Ready(served) => Ok(served),
-                State::Discovered | State::Failed(_) => Err(LookupError::NotReady(name.to_owned(), *version)),
+            Choice::Version(version) => match versions.state(name, *version)? {
+                State::Ready(served) => Ok(served.clone()),
+                State::Discovered(_) | State::Failed(_) => {
+                    Err(LookupError::NotReady(name.to_owned(), *version))
+                }
             },
         }
     }
+
+    /// Lets another version of a model serve, loading and warming it first. Frames in work finish on the old
+    /// one.
+    ///
+    /// # Errors
+    /// There is no such version, or it does not load or pass `warm`: then the old one serves on.
+    pub fn activate(
+        &self,
+        name: &str,
+        version: u64,
+        warm: impl Fn(&Model, &[GoldenFrame]) -> Result<(), String>,
+    ) -> Result<Arc<ServedModel>, ActivateError> {
+        let (model, digest) = match self.versions(name)?.state(name, version)? {
+            State::Ready(served) => (served.model.clone(), served.digest.clone()),
+            State::Discovered(path) => {
+                let loaded = load(path, warm)?;
+                (Arc::new(loaded.model), loaded.digest)
+            }
+            State::Failed(failure) => return Err(failure.clone().into()),
+        };
+        let mut models = self.models.write().unwrap_or_else(PoisonError::into_inner);
+        let versions = models.get_mut(name).ok_or_else(|| LookupError::NoModel(name.to_owned()))?;
+        let epoch = versions.serving.as_ref().map_or(1, |served| served.epoch + 1);
+        let served = Arc::new(ServedModel { name: name.to_owned(), version, epoch, model, digest });
+        versions.serve(&served);
+        Ok(served)
+    }
 }
 
-/// The version that serves.
-pub fn serving(versions: &Versions) -> Option<&Arc<ServedModel>> {
-    versions.values().rev().find_map(|state| match state {
-        State::Ready(served) => Some(served),
-        State::Discovered | State::Failed(_) => None,
-    })
+impl Versions {
+    /// The state of one version of this model, whose name is for the message.
+    pub fn state(&self, name: &str, version: u64) -> Result<&State, LookupError> {
+        self.states.get(&version).ok_or_else(|| LookupError::NoVersion(name.to_owned(), version))
+    }
+
+    fn serve(&mut self, served: &Arc<ServedModel>) {
+        self.states.insert(served.version, State::Ready(served.clone()));
+        self.serving = Some(served.clone());
+    }
 }
 
 /// The folders of all versions, by name and number.
@@ -271,24 +319,23 @@ fn load_highest(
     paths: &BTreeMap<u64, PathBuf>,
     warm: impl Fn(&Model, &[GoldenFrame]) -> Result<(), String>,
 ) -> Versions {
-    let mut versions = Versions::new();
+    let mut versions = Versions::default();
     for (&version, path) in paths.iter().rev() {
-        let state = if serving(&versions).is_some() {
-            State::Discovered
-        } else {
-            match load(path, &warm) {
-                Ok(LoadedModel { model, digest }) => {
-                    tracing::info!(model = name, version, digest, "serves");
-                    let name = name.to_owned();
-                    State::Ready(Arc::new(ServedModel { name, version, epoch: 1, model, digest }))
-                }
-                Err(failure) => {
-                    tracing::error!(model = name, version, path = %path.display(), %failure, "does not serve");
-                    State::Failed(failure)
-                }
+        if versions.serving.is_some() {
+            versions.states.insert(version, State::Discovered(path.clone()));
+            continue;
+        }
+        match load(path, &warm) {
+            Ok(LoadedModel { model, digest }) => {
+                tracing::info!(model = name, version, digest, "serves");
+                let (name, model) = (name.to_owned(), Arc::new(model));
+                versions.serve(&Arc::new(ServedModel { name, version, epoch: 1, model, digest }));
             }
-        };
-        versions.insert(version, state);
+            Err(failure) => {
+                tracing::error!(model = name, version, path = %path.display(), %failure, "does not serve");
+                versions.states.insert(version, State::Failed(failure));
+            }
+        }
     }
     versions
 }
@@ -312,7 +359,7 @@ fn loading_failed(LoadError { path, reason }: LoadError) -> Failure {
 fn nothing_serves(folder: &Path, models: &BTreeMap<String, Versions>) -> RegistryError {
     let mut failures = Vec::new();
     for (name, versions) in models {
-        for (version, state) in versions {
+        for (version, state) in &versions.states {
             if let State::Failed(failure) = state {
                 failures.push(format!("  {name}/{version}: {failure}"));
             }

@@ -1,16 +1,19 @@
 //! The paths of the API, grouped by who may call them.
 
 use super::body::{Frame, Frames, OneFrame};
-use super::observe;
 use super::openapi::{
-    BatchForm, Description, FrameForm, FrameProblems, ImageBytes, ModelProblems, PathProblems, ReadyProblems,
+    ActivateProblems, BatchForm, Description, FrameForm, FrameProblems, ImageBytes, ModelProblems,
+    PathProblems, ReadyProblems,
 };
+use super::pool::Panicked;
 use super::problem::{Kind, Problem};
 use super::query::Asked;
-use super::{App, auth, recognize};
+use super::recognize::RecognizeError;
+use super::{App, api, auth, events, observe, recognize, robots, stream};
+use crate::protocol::event::{AnswerEvent, Event};
 use crate::protocol::rest::{
-    Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, ModelInfo, ModelList, RecognizeQuery,
-    VersionInfo,
+    Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, ModelInfo, ModelList, ModelName,
+    RecognizeQuery, VersionInfo,
 };
 use axum::extract::rejection::PathRejection;
 use axum::extract::{DefaultBodyLimit, Path, State};
@@ -19,6 +22,7 @@ use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Redirect};
 use axum::routing::get;
 use axum::{Json, Router};
+use tokio::task::spawn_blocking;
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
@@ -32,6 +36,7 @@ pub fn router(app: App) -> Router {
     let (api, document) = described()
         .merge(robots().route_layer(from_fn_with_state(app.clone(), auth::robots)))
         .merge(viewers().route_layer(from_fn_with_state(app.clone(), auth::viewers)))
+        .merge(admins().route_layer(from_fn_with_state(app.clone(), auth::admins)))
         .merge(anyone())
         .split_for_parts();
     api.merge(SwaggerUi::new("/docs").url("/openapi.json", document))
@@ -45,7 +50,7 @@ pub fn router(app: App) -> Router {
 
 /// The OpenAPI document of [`router`].
 pub fn document() -> utoipa::openapi::OpenApi {
-    described().merge(robots()).merge(viewers()).merge(anyone()).into_openapi()
+    described().merge(robots()).merge(viewers()).merge(admins()).merge(anyone()).into_openapi()
 }
 
 fn described() -> OpenApiRouter<App> {
@@ -53,7 +58,10 @@ fn described() -> OpenApiRouter<App> {
 }
 
 fn robots() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(recognize_one)).routes(routes!(recognize_batch))
+    OpenApiRouter::new()
+        .routes(routes!(recognize_one))
+        .routes(routes!(recognize_batch))
+        .routes(routes!(stream::connect))
 }
 
 fn viewers() -> OpenApiRouter<App> {
@@ -61,6 +69,13 @@ fn viewers() -> OpenApiRouter<App> {
         .routes(routes!(list_models))
         .routes(routes!(show_model))
         .routes(routes!(show_version))
+        .routes(routes!(events::events))
+        .routes(routes!(robots::list_robots))
+        .routes(routes!(robots::show_robot))
+}
+
+fn admins() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(activate))
 }
 
 fn anyone() -> OpenApiRouter<App> {
@@ -130,7 +145,7 @@ async fn list_models(State(app): State<App>) -> Json<ModelList> {
     responses((status = OK, description = "The model and its versions", body = ModelInfo), ModelProblems)
 )]
 async fn show_model(State(app): State<App>, Path(name): Path<String>) -> Result<Json<ModelInfo>, Problem> {
-    Ok(Json(ModelInfo::new(&name, app.registry.versions(&name)?)))
+    Ok(Json(ModelInfo::new(&name, &app.registry.versions(&name)?)))
 }
 
 /// One version of a model
@@ -149,7 +164,34 @@ async fn show_version(
     path: Result<Path<(String, u64)>, PathRejection>,
 ) -> Result<Json<VersionInfo>, Problem> {
     let Path((name, version)) = path.map_err(|error| Problem::Query(error.body_text()))?;
-    Ok(Json(VersionInfo::with_card(version, app.registry.version(&name, version)?)))
+    let versions = app.registry.versions(&name)?;
+    Ok(Json(VersionInfo::with_card(version, versions.state(&name, version)?, &versions)))
+}
+
+/// Lets another version of a model serve
+///
+/// It is loaded and tried first; until then, and where it does not work, the old one serves on. Streams hear
+/// of it by `model_changed`.
+#[utoipa::path(
+    post, path = "/v1/models/{name}/versions/{version}/activate", tag = "models", security(("key" = [])),
+    params(
+        ("name" = String, Path, description = "The model's name"),
+        ("version" = u64, Path, description = "The version's number")
+    ),
+    responses((status = OK, description = "The version that serves now", body = VersionInfo), ActivateProblems)
+)]
+async fn activate(
+    State(app): State<App>,
+    path: Result<Path<(String, u64)>, PathRejection>,
+) -> Result<Json<VersionInfo>, Problem> {
+    let Path((name, version)) = path.map_err(|error| Problem::Query(error.body_text()))?;
+    let loading = app.clone();
+    let work = move || loading.registry.activate(&name, version, recognize::warm);
+    // A panic on the way is a defect of ours.
+    let served = spawn_blocking(work).await.map_err(|_| Problem::from(RecognizeError::from(Panicked)))??;
+    app.events.tell(|| Event::ModelChanged { to: ModelName::from(&*served) });
+    let versions = app.registry.versions(&served.name)?;
+    Ok(Json(VersionInfo::new(version, versions.state(&served.name, version)?, &versions)))
 }
 
 /// Whether the process lives
@@ -197,6 +239,12 @@ async fn answers(
     let mut answers = Vec::with_capacity(waiting.len());
     for seen in waiting {
         let answer = seen.await.map(|seen| Answer::new(seen, &asked.query, &asked.context.id));
+        if let Ok(answer) = &answer {
+            app.events.tell(|| {
+                let latency = asked.context.arrived.elapsed();
+                Event::Answer(Box::new(AnswerEvent::of_frame(answer, api::ms(latency))))
+            });
+        }
         answers.push(answer.map_err(Problem::from));
     }
     Ok(answers)

@@ -51,6 +51,18 @@ pub struct Settings {
     pub body_timeout_ms: u64,
     /// How long accepted requests may take to finish after a stop, in milliseconds.
     pub drain_timeout_ms: u64,
+    /// The most streams at one time.
+    pub max_streams: usize,
+    /// The most frames of a stream without an answer in the mode `lossless`.
+    pub stream_window: usize,
+    /// How often a stream is asked for a sign of life, in milliseconds.
+    pub stream_ping_ms: u64,
+    /// How long nothing may be heard on a stream before it is closed, in milliseconds.
+    pub stream_idle_timeout_ms: u64,
+    /// How long a robot may take to read what it is sent, in milliseconds.
+    pub stream_write_timeout_ms: u64,
+    /// How long a stream waits for its robot when the connection broke, in milliseconds.
+    pub stream_resume_ms: u64,
     /// How log lines look.
     pub log_format: LogFormat,
     /// What is logged: `error`, `warn`, `info`, `debug`, or a filter as `roomsight=debug,warn`.
@@ -108,6 +120,12 @@ impl Default for Settings {
             header_timeout_ms: 30_000,
             body_timeout_ms: 10_000,
             drain_timeout_ms: 10_000,
+            max_streams: 1024,
+            stream_window: 16,
+            stream_ping_ms: 15_000,
+            stream_idle_timeout_ms: 45_000,
+            stream_write_timeout_ms: 10_000,
+            stream_resume_ms: 30_000,
             log_format: LogFormat::Human,
             log_level: "info".into(),
         }
@@ -179,6 +197,26 @@ impl Settings {
         Duration::from_millis(self.drain_timeout_ms)
     }
 
+    /// [`Settings::stream_ping_ms`] as a duration.
+    pub fn stream_ping(&self) -> Duration {
+        Duration::from_millis(self.stream_ping_ms)
+    }
+
+    /// [`Settings::stream_idle_timeout_ms`] as a duration.
+    pub fn stream_idle_timeout(&self) -> Duration {
+        Duration::from_millis(self.stream_idle_timeout_ms)
+    }
+
+    /// [`Settings::stream_write_timeout_ms`] as a duration.
+    pub fn stream_write_timeout(&self) -> Duration {
+        Duration::from_millis(self.stream_write_timeout_ms)
+    }
+
+    /// [`Settings::stream_resume_ms`] as a duration.
+    pub fn stream_resume(&self) -> Duration {
+        Duration::from_millis(self.stream_resume_ms)
+    }
+
     fn check(&self) -> Result<(), SettingsError> {
         let n_slots = self.n_threads() + self.queue;
         let largest_body = self.max_frame_bytes.max(self.max_batch_bytes);
@@ -197,6 +235,15 @@ impl Settings {
                 "max_batch_frames",
                 format!("a batch must fit the queue: set it from 1 to {n_slots}, or raise `queue`"),
             );
+        }
+        if self.max_streams > 1_000_000 {
+            return wrong("max_streams", "it must be at most 1000000".into());
+        }
+        if self.stream_window == 0 || self.stream_window > 1024 {
+            return wrong("stream_window", "it must be from 1 to 1024".into());
+        }
+        if self.stream_ping_ms == 0 || self.stream_ping_ms > self.stream_idle_timeout_ms {
+            return wrong("stream_ping_ms", "it must be from 1 to `stream_idle_timeout_ms`".into());
         }
         if largest_body > self.max_buffered_bytes || self.max_buffered_bytes > u32::MAX as usize {
             return wrong(

@@ -16,7 +16,7 @@ const ASKED_HEAD: &str =
 const CONTINUE: &str = "HTTP/1.1 100 Continue\r\n\r\n";
 
 /// A service of one thread with a queue of this length.
-async fn one_thread(queue: usize) -> Server {
+pub async fn one_thread(queue: usize) -> Server {
     Server::start(Settings {
         threads: 1,
         queue,
@@ -39,7 +39,7 @@ async fn fill(server: &Server, n_slots: usize) -> Vec<JoinHandle<reqwest::Result
 }
 
 /// A small file that takes long to decode: 4 megapixels.
-fn slow_frame() -> Vec<u8> {
+pub fn slow_frame() -> Vec<u8> {
     static FRAME: LazyLock<Vec<u8>> = LazyLock::new(|| {
         let mut bytes = Cursor::new(Vec::new());
         GrayImage::new(2000, 2000).write_to(&mut bytes, ImageFormat::Png).unwrap();

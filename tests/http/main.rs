@@ -6,4 +6,6 @@ mod calls;
 mod command;
 mod load;
 mod replay;
+mod robot;
 mod service;
+mod stream;

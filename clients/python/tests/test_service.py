@@ -1,5 +1,6 @@
 """Both clients against the real service, with simulated frames."""
 
+import logging
 import os
 import socket
 import subprocess
@@ -15,6 +16,9 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 BINARY = os.environ.get("ROOMSIGHT", str(REPOSITORY / "target/debug/roomsight"))
 PATIENCE_S = 60.0
 NO_IMAGE = b"this is no image"
+
+# A busy machine is slow; asyncio would tell each time.
+logging.getLogger("asyncio").setLevel(logging.ERROR)
 
 
 class Service(unittest.IsolatedAsyncioTestCase):

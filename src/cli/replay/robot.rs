@@ -5,7 +5,7 @@ use super::tally::{Tally, Told};
 use crate::client::{Client, ClientError, Stream};
 use crate::protocol::header::Header;
 use crate::protocol::rest::{Answer, ProblemBody, RecognizeQuery};
-use crate::protocol::stream::{Filtered, ServerMessage};
+use crate::protocol::stream::{Filtered, Hello, Mode, ServerMessage};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
@@ -13,7 +13,7 @@ use tokio::sync::{Notify, Semaphore, mpsc, watch};
 use tokio::task::JoinSet;
 use tokio::time::{Instant, sleep_until, timeout};
 
-/// How long to wait for answers that are still to come, and for a service that reads no more.
+/// How long a service may tell nothing while answers are still to come, and how long it may read nothing.
 const PATIENCE: Duration = Duration::from_secs(10);
 
 /// What all robots share.
@@ -103,9 +103,11 @@ impl Feed {
             if at > drive.end {
                 return None;
             }
-            tokio::select! {
-                () = sleep_until(drive.start.0 + at) => {}
-                _ = self.stopped.wait_for(|&stopped| stopped) => return None,
+            if drive.is_paced {
+                tokio::select! {
+                    () = sleep_until(drive.start.0 + at) => {}
+                    _ = self.stopped.wait_for(|&stopped| stopped) => return None,
+                }
             }
             match ready.image {
                 Ok(image) => return Some(Shot { frame_idx: ready.frame_idx, at, image }),
@@ -115,13 +117,20 @@ impl Feed {
     }
 }
 
-/// Sends over a stream, and waits a while for the last answers.
+/// Sends over a stream, and waits for the last answers as long as any come.
+///
+/// Without times of their own, frames of a lossless stream leave as the service's window opens. Else they
+/// would wait in the buffers of the connection, and their latency would tell how long these are.
 pub async fn stream(drive: Arc<Drive>, mut feed: Feed, stream: Stream) {
-    let mut seq = stream.hello().next_seq;
+    let Hello { next_seq: mut seq, settings, limits, .. } = stream.hello().clone();
+    let has_window = !drive.is_paced && settings.mode == Mode::Lossless;
+    let most_pending = if has_window { limits.window.saturating_sub(1) } else { usize::MAX };
     let (mut sender, mut receiver) = stream.split();
     let pending = Pending::default();
     let sending = async {
-        while let Some(shot) = feed.next(&drive).await {
+        while pending.at_most(most_pending).await
+            && let Some(shot) = feed.next(&drive).await
+        {
             let header = Header { seq, captured_at_ns: drive.captured_at_ns(shot.at) };
             pending.add(seq, drive.send(&feed, &shot));
             match timeout(PATIENCE, sender.send_with(header, &shot.image)).await {
@@ -134,8 +143,7 @@ pub async fn stream(drive: Arc<Drive>, mut feed: Feed, stream: Stream) {
                 }
             }
         }
-        // What has no answer by then is unaccounted for.
-        let _ = timeout(PATIENCE, pending.answered()).await;
+        pending.at_most(0).await;
     };
     let receiving = async {
         loop {
@@ -216,11 +224,14 @@ impl Pending {
         self.taken.notify_one();
     }
 
-    /// Waits until none is left.
-    async fn answered(&self) {
-        while !self.frames().is_empty() {
-            self.taken.notified().await;
+    /// Waits until at most so many are left; false where answers cease to come before.
+    async fn at_most(&self, n_frames: usize) -> bool {
+        while self.frames().len() > n_frames {
+            if timeout(PATIENCE, self.taken.notified()).await.is_err() {
+                return false;
+            }
         }
+        true
     }
 }
 

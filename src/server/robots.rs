@@ -1,0 +1,150 @@
+//! Who streams, for dashboards.
+
+use super::App;
+use super::openapi::{RobotProblems, ViewerProblems};
+use super::problem::Problem;
+use crate::protocol::event::{FrameCounts, PastAnswer, RobotInfo, RobotList, RobotName};
+use crate::protocol::rest::TimingsMs;
+use crate::protocol::stream::{DropReason, Mode, StreamResult};
+use axum::Json;
+use axum::extract::{Path, State};
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// The last answers that are kept of a stream.
+const N_ANSWERS: usize = 16;
+
+/// What dashboards may know of one stream; written by its task, read by anyone.
+pub struct Record {
+    session: String,
+    began: Instant,
+    known: Mutex<Known>,
+}
+
+#[derive(Default)]
+struct Known {
+    robot: Option<String>,
+    connected: bool,
+    mode: Mode,
+    room: Option<(String, Instant)>,
+    frames: FrameCounts,
+    answers: VecDeque<Told>,
+}
+
+/// An answer that was told.
+struct Told {
+    seq: u64,
+    room: String,
+    probability: f32,
+    timings_ms: TimingsMs,
+    at: Instant,
+}
+
+impl Record {
+    /// Of a stream that begins.
+    pub fn new(session: String) -> Self {
+        Self { session, began: Instant::now(), known: Mutex::default() }
+    }
+
+    /// The stream is configured so.
+    pub fn configured(&self, robot: Option<&str>, mode: Mode) {
+        let mut known = self.known();
+        known.robot = robot.map(str::to_owned);
+        known.mode = mode;
+    }
+
+    /// Its connection stands, or does not.
+    pub fn connected(&self, connected: bool) {
+        self.known().connected = connected;
+    }
+
+    /// It took a frame in.
+    pub fn accepted(&self) {
+        self.known().frames.accepted += 1;
+    }
+
+    /// It told a room.
+    pub fn answered(&self, result: &StreamResult) {
+        let StreamResult { seq, answer, filtered, .. } = result;
+        let (room, probability) = match filtered {
+            Some(filtered) => (&filtered.room, filtered.probability),
+            None => (&answer.room, answer.probability),
+        };
+        let at = Instant::now();
+        let told = Told { seq: *seq, room: room.clone(), probability, timings_ms: answer.timings_ms, at };
+        let mut known = self.known();
+        known.frames.results += 1;
+        if known.room.as_ref().is_none_or(|(room, _)| *room != told.room) {
+            known.room = Some((told.room.clone(), at));
+        }
+        known.answers.truncate(N_ANSWERS - 1);
+        known.answers.push_front(told);
+    }
+
+    /// It told that a frame cannot be recognized.
+    pub fn failed(&self) {
+        self.known().frames.errors += 1;
+    }
+
+    /// It told that a frame was not looked at.
+    pub fn dropped(&self, reason: DropReason) {
+        *self.known().frames.dropped.entry(reason).or_default() += 1;
+    }
+
+    /// Whose stream it is.
+    pub fn name(&self) -> RobotName {
+        RobotName { session: self.session.clone(), robot: self.known().robot.clone() }
+    }
+
+    /// All of it.
+    pub fn info(&self) -> RobotInfo {
+        let name = self.name();
+        let known = self.known();
+        let past = |told: &Told| PastAnswer {
+            seq: told.seq,
+            room: told.room.clone(),
+            probability: told.probability,
+            timings_ms: told.timings_ms,
+            ago_s: told.at.elapsed().as_secs_f64(),
+        };
+        RobotInfo {
+            name,
+            connected: known.connected,
+            streaming_s: self.began.elapsed().as_secs_f64(),
+            mode: known.mode,
+            room: known.room.as_ref().map(|(room, _)| room.clone()),
+            in_room_s: known.room.as_ref().map(|(_, since)| since.elapsed().as_secs_f64()),
+            frames: known.frames.clone(),
+            answers: known.answers.iter().map(past).collect(),
+        }
+    }
+
+    fn known(&self) -> MutexGuard<'_, Known> {
+        self.known.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Who streams
+#[utoipa::path(
+    get, path = "/v1/robots", tag = "dashboards", security(("key" = [])),
+    responses((status = OK, description = "All streams", body = RobotList), ViewerProblems)
+)]
+pub async fn list_robots(State(app): State<App>) -> Json<RobotList> {
+    Json(RobotList { robots: app.streams.records().iter().map(|record| record.info()).collect() })
+}
+
+/// One robot
+///
+/// By its name or its session; of several streams with one name, the one that began last.
+#[utoipa::path(
+    get, path = "/v1/robots/{id}", tag = "dashboards", security(("key" = [])),
+    params(("id" = String, Path, description = "The robot's name, or its session")),
+    responses((status = OK, description = "The robot", body = RobotInfo), RobotProblems)
+)]
+pub async fn show_robot(State(app): State<App>, Path(id): Path<String>) -> Result<Json<RobotInfo>, Problem> {
+    let is_meant = |name: &RobotName| name.session == id || name.robot.as_deref() == Some(&id);
+    let records = app.streams.records();
+    let found = records.iter().filter(|record| is_meant(&record.name())).max_by_key(|record| record.began);
+    found.map(|record| Json(record.info())).ok_or(Problem::NoRobot(id))
+}

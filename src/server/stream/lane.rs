@@ -1,0 +1,118 @@
+//! The frames of one stream that wait for a thread.
+//!
+//! A stream has at most one place in the queue of the threads, however many of its frames wait: when its
+//! turn comes, a thread takes the frame that is first *then*, and the stream may queue again, behind all
+//! others. Streams so take turns, frame by frame, and a frame can be superseded until the moment a thread
+//! takes it.
+
+use crate::server::body::Frame;
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+/// A frame that waits.
+pub struct Waiting {
+    /// Its number.
+    pub seq: u64,
+    /// When it had arrived.
+    pub arrived: Instant,
+    /// When nobody wants its answer any more.
+    pub deadline: Option<Instant>,
+    /// Its bytes.
+    pub frame: Frame,
+}
+
+/// The frames of one stream that wait, shared between its task and the threads.
+#[derive(Default)]
+pub struct Lane(Mutex<State>);
+
+#[derive(Default)]
+struct State {
+    waiting: VecDeque<Waiting>,
+    has_place: bool,
+}
+
+impl Lane {
+    /// Adds a frame behind those that wait.
+    pub fn push(&self, frame: Waiting) {
+        self.state().waiting.push_back(frame);
+    }
+
+    /// Lets a frame take the place of those that wait; returns their numbers, in order.
+    pub fn supersede(&self, frame: Waiting) -> Vec<u64> {
+        let mut state = self.state();
+        let superseded = state.waiting.drain(..).map(|frame| frame.seq).collect();
+        state.waiting.push_back(frame);
+        superseded
+    }
+
+    /// Claims the stream's place in the queue. False where it is taken already, or nothing waits.
+    pub fn claim_place(&self) -> bool {
+        let mut state = self.state();
+        let claimed = !state.has_place && !state.waiting.is_empty();
+        state.has_place |= claimed;
+        claimed
+    }
+
+    /// Whether something waits.
+    pub fn is_waiting(&self) -> bool {
+        !self.state().waiting.is_empty()
+    }
+
+    /// Takes the first frame, when the stream's turn has come, and what `choose` chooses for it: what is
+    /// chosen for a frame was never chosen before what is chosen for an earlier one.
+    pub fn take<T>(&self, choose: impl FnOnce() -> T) -> Option<(Waiting, T)> {
+        let mut state = self.state();
+        state.has_place = false;
+        state.waiting.pop_front().map(|frame| (frame, choose()))
+    }
+
+    /// Gives up all that wait; returns their numbers, in order.
+    pub fn clear(&self) -> Vec<u64> {
+        self.state().waiting.drain(..).map(|frame| frame.seq).collect()
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::Arc;
+    use tokio::sync::Semaphore;
+
+    fn frame(seq: u64) -> Waiting {
+        let frame = Frame::hold(vec![0].into(), &Arc::new(Semaphore::new(1))).unwrap();
+        Waiting { seq, arrived: Instant::now(), deadline: None, frame }
+    }
+
+    fn taken(lane: &Lane) -> Option<u64> {
+        lane.take(|| ()).map(|(frame, ())| frame.seq)
+    }
+
+    #[test]
+    fn a_stream_has_one_place_however_much_waits() {
+        let lane = Lane::default();
+        assert!(!lane.claim_place(), "nothing waits");
+        (0..3).for_each(|seq| lane.push(frame(seq)));
+        assert!(lane.claim_place());
+        assert!(!lane.claim_place());
+        assert_eq!(taken(&lane), Some(0));
+        assert!(lane.claim_place(), "its turn came, so that it may queue again");
+        assert_eq!((taken(&lane), taken(&lane), taken(&lane)), (Some(1), Some(2), None));
+    }
+
+    #[test]
+    fn a_frame_is_superseded_until_a_thread_takes_it() {
+        let lane = Lane::default();
+        assert!(lane.supersede(frame(0)).is_empty());
+        assert!(lane.claim_place());
+        assert_eq!(lane.supersede(frame(1)), [0]);
+        assert_eq!(taken(&lane), Some(1));
+        assert!(lane.supersede(frame(2)).is_empty());
+        assert_eq!(lane.clear(), [2]);
+        assert!(!lane.is_waiting());
+    }
+}

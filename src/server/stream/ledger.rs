@@ -1,0 +1,107 @@
+//! What becomes of the frames of one stream, told in their order.
+
+use crate::protocol::stream::DropReason;
+use crate::server::problem::Problem;
+use crate::server::recognize::Seen;
+use std::collections::VecDeque;
+use std::time::Instant;
+
+/// The accepted frames without a told answer. An answer waits for those before it.
+#[derive(Default)]
+pub struct Ledger(VecDeque<Entry>);
+
+/// An accepted frame.
+pub struct Accepted {
+    /// Its number.
+    pub seq: u64,
+    /// When it had arrived.
+    pub arrived: Instant,
+    /// When it was captured, in nanoseconds since 1970.
+    pub captured_at_ns: Option<u64>,
+}
+
+/// What became of a frame.
+pub enum Outcome {
+    /// It was recognized.
+    Seen(Box<Seen>),
+    /// It cannot be.
+    Failed(Problem),
+    /// It was not looked at.
+    Dropped(DropReason),
+}
+
+struct Entry {
+    frame: Accepted,
+    outcome: Option<Outcome>,
+}
+
+impl Ledger {
+    /// Opens an entry for a frame whose number is larger than those before.
+    pub fn accept(&mut self, frame: Accepted) {
+        self.0.push_back(Entry { frame, outcome: None });
+    }
+
+    /// Settles what became of a frame; the first word counts.
+    pub fn settle(&mut self, seq: u64, outcome: Outcome) {
+        if let Ok(entry_idx) = self.0.binary_search_by_key(&seq, |entry| entry.frame.seq) {
+            self.0[entry_idx].outcome.get_or_insert(outcome);
+        }
+    }
+
+    /// The first frame, once it is settled.
+    pub fn next(&mut self) -> Option<(Accepted, Outcome)> {
+        let Entry { frame, outcome } = self.0.pop_front()?;
+        match outcome {
+            Some(outcome) => Some((frame, outcome)),
+            None => {
+                self.0.push_front(Entry { frame, outcome });
+                None
+            }
+        }
+    }
+
+    /// How many frames are without a told answer.
+    pub fn len(&self) -> usize {
+        self.0.len()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn each_frame_is_told_once_and_in_order(n_frames in 1_u64..40, swaps: Vec<(u8, u8)>) {
+            let mut order: Vec<u64> = (0..n_frames).map(|seq| seq * 3).collect();
+            let mut ledger = Ledger::default();
+            for &seq in &order {
+                ledger.accept(Accepted { seq, arrived: Instant::now(), captured_at_ns: None });
+            }
+            for (a, b) in swaps {
+                order.swap(usize::from(a) % n_frames as usize, usize::from(b) % n_frames as usize);
+            }
+            let mut told = Vec::new();
+            for seq in order {
+                ledger.settle(seq, Outcome::Dropped(DropReason::Superseded));
+                ledger.settle(seq, Outcome::Dropped(DropReason::Draining));
+                while let Some((frame, outcome)) = ledger.next() {
+                    prop_assert!(matches!(outcome, Outcome::Dropped(DropReason::Superseded)));
+                    told.push(frame.seq);
+                }
+            }
+            prop_assert_eq!(told, (0..n_frames).map(|seq| seq * 3).collect::<Vec<_>>());
+            prop_assert_eq!(ledger.len(), 0);
+        }
+    }
+
+    #[test]
+    fn an_unknown_frame_settles_nothing() {
+        let mut ledger = Ledger::default();
+        ledger.accept(Accepted { seq: 4, arrived: Instant::now(), captured_at_ns: None });
+        ledger.settle(3, Outcome::Dropped(DropReason::Overload));
+        assert!(ledger.next().is_none());
+        assert_eq!(ledger.len(), 1);
+    }
+}

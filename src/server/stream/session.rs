@@ -1,0 +1,461 @@
+//! One stream from its first connection to its end.
+//!
+//! A task of its own owns all of it; the threads only take frames from its lane and say what became of them.
+//! The task outlives a connection that breaks, so that the robot can come back to its filter and to the
+//! answers that it missed.
+
+use super::Arrival;
+use super::lane::{Lane, Waiting};
+use super::ledger::{Accepted, Ledger, Outcome};
+use super::settings;
+use super::socket::{Close, Incoming, Socket};
+use super::teller::Teller;
+use crate::image::Limits;
+use crate::protocol::event::Event;
+use crate::protocol::header::Header;
+use crate::protocol::rest::ModelName;
+use crate::protocol::stream::{
+    ClientMessage, DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits, StreamSettings,
+};
+use crate::server::App;
+use crate::server::body::{BodyError, Frame};
+use crate::server::pool::Panicked;
+use crate::server::problem::Problem;
+use crate::server::recognize::{RecognizeError, Task, look};
+use crate::server::registry::{Choice, ServedModel};
+use crate::server::robots::Record;
+use axum::body::Bytes;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
+use tokio::time::{MissedTickBehavior, interval_at, sleep_until, timeout};
+use tokio_tungstenite::tungstenite::Utf8Bytes;
+
+/// The most frames without a told answer where frames supersede each other: one is in work or waits, and
+/// those it superseded are told after it.
+const MAX_UNTOLD: usize = 256;
+/// The longest text message, in bytes.
+const MAX_TEXT_BYTES: usize = 16 << 10;
+
+/// One stream.
+pub struct Session {
+    app: App,
+    id: String,
+    settings: StreamSettings,
+    /// The number of the next frame that brings none.
+    next_seq: u64,
+    /// In the mode `sampled`: when the next frame may be looked at.
+    next_look: Instant,
+    lane: Arc<Lane>,
+    ledger: Ledger,
+    teller: Teller,
+    record: Arc<Record>,
+    news: UnboundedReceiver<News>,
+    /// For the threads.
+    newsroom: UnboundedSender<News>,
+}
+
+/// What a thread tells the stream's task.
+enum News {
+    /// It took a frame, so that the stream may queue again.
+    Took,
+    /// A frame is settled.
+    Settled(u64, Outcome),
+}
+
+/// How a conversation ended.
+enum End {
+    /// For good.
+    Closed,
+    /// The connection broke; the robot may come back.
+    Lost,
+    /// The robot came back over another connection before this one was known to be broken.
+    Replaced(Box<Arrival>),
+}
+
+impl Session {
+    /// A stream of a robot whose key has this name.
+    ///
+    /// # Errors
+    /// No model serves.
+    pub fn new(app: App, id: String, settings: StreamSettings, record: Arc<Record>) -> Result<Self, Problem> {
+        let served = app.registry.choose(Some(&settings.model), &Choice::Serving)?;
+        let (newsroom, news) = mpsc::unbounded_channel();
+        record.configured(settings.robot.as_deref(), settings.mode);
+        Ok(Self {
+            teller: Teller::new(id.clone(), served),
+            id,
+            settings,
+            next_seq: 0,
+            next_look: Instant::now(),
+            lane: Arc::default(),
+            ledger: Ledger::default(),
+            record,
+            news,
+            newsroom,
+            app,
+        })
+    }
+
+    /// Talks until the stream has ended for good. Robots that come back do so through `arrivals`.
+    pub async fn run(mut self, first: Arrival, mut arrivals: mpsc::Receiver<Arrival>) {
+        let mut arrival = Some(first);
+        loop {
+            let Some(arrived) = arrival.take() else { break };
+            self.record.connected(true);
+            self.app.events.tell(|| Event::RobotJoined(self.record.name()));
+            let end = self.converse(arrived, &mut arrivals).await;
+            self.record.connected(false);
+            self.app.events.tell(|| Event::RobotLeft(self.record.name()));
+            arrival = match end {
+                End::Closed => None,
+                End::Replaced(arrival) => Some(*arrival),
+                End::Lost => self.wait_for_return(&mut arrivals).await,
+            };
+        }
+        // Nobody is left to hear of them.
+        self.lane.clear();
+    }
+
+    /// Talks over one connection.
+    async fn converse(
+        &mut self,
+        Arrival { mut socket, is_resumed, last_seq }: Arrival,
+        arrivals: &mut mpsc::Receiver<Arrival>,
+    ) -> End {
+        let app = self.app.clone();
+        if socket.send(text(&self.hello(is_resumed))).await.is_err() {
+            return End::Lost;
+        }
+        for told in self.teller.told_after(last_seq) {
+            if socket.send(told).await.is_err() {
+                return End::Lost;
+            }
+        }
+        let every = app.settings.stream_ping();
+        let mut pings = interval_at(tokio::time::Instant::now() + every, every);
+        pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
+        let mut heard = Instant::now();
+        loop {
+            let look_at = self.look_at();
+            let said = tokio::select! {
+                biased;
+                () = app.stopping.cancelled() => return self.drain(socket).await,
+                Some(news) = self.news.recv() => self.hear(news),
+                Some(arrival) = arrivals.recv() => {
+                    socket.close(Close::Replaced).await;
+                    return End::Replaced(Box::new(arrival));
+                }
+                incoming = socket.receive(), if self.may_read() => {
+                    heard = Instant::now();
+                    match incoming {
+                        Incoming::Binary(message) => self.accept(message),
+                        Incoming::Text(message) => vec![text(&self.configure(&message))],
+                        Incoming::Alive => Vec::new(),
+                        Incoming::Closed => return End::Closed,
+                        Incoming::TooLong => {
+                            socket.close(Close::TooLong).await;
+                            return End::Closed;
+                        }
+                        Incoming::Lost(error) => {
+                            tracing::debug!(%error, "a stream lost its connection");
+                            return End::Lost;
+                        }
+                    }
+                }
+                () = sleep_until(look_at.unwrap_or_else(Instant::now).into()), if look_at.is_some() => {
+                    self.queue();
+                    Vec::new()
+                }
+                _ = pings.tick() => {
+                    // A stream that we do not read from is not idle: it waits for us.
+                    if self.may_read() && heard.elapsed() > app.settings.stream_idle_timeout() {
+                        socket.close(Close::Idle).await;
+                        return End::Closed;
+                    }
+                    if socket.ping().await.is_err() {
+                        return End::Lost;
+                    }
+                    Vec::new()
+                }
+            };
+            for message in said {
+                if let Err(error) = socket.send(message).await {
+                    tracing::debug!(%error, "a stream lost its connection");
+                    return End::Lost;
+                }
+            }
+        }
+    }
+
+    /// Answers or drops what was accepted, then closes.
+    async fn drain(&mut self, mut socket: Socket) -> End {
+        for seq in self.lane.clear() {
+            self.ledger.settle(seq, Outcome::Dropped(DropReason::Draining));
+        }
+        let mut said = vec![text(&ServerMessage::Draining)];
+        said.extend(self.tell());
+        loop {
+            for message in said {
+                if socket.send(message).await.is_err() {
+                    return End::Closed;
+                }
+            }
+            if self.ledger.len() == 0 {
+                break;
+            }
+            let Some(news) = self.news.recv().await else { break };
+            said = self.hear(news);
+        }
+        socket.close(Close::Draining).await;
+        End::Closed
+    }
+
+    /// Goes on with the frames that were accepted, until the robot comes back or its time is up.
+    async fn wait_for_return(&mut self, arrivals: &mut mpsc::Receiver<Arrival>) -> Option<Arrival> {
+        let app = self.app.clone();
+        let returned = async {
+            loop {
+                tokio::select! {
+                    () = app.stopping.cancelled() => return None,
+                    Some(news) = self.news.recv() => { self.hear(news); }
+                    arrival = arrivals.recv() => return arrival,
+                }
+            }
+        };
+        timeout(app.settings.stream_resume(), returned).await.ok().flatten()
+    }
+
+    /// Whether there is room for another frame. Where there is none TCP holds the sender back.
+    fn may_read(&self) -> bool {
+        let is_lossless = self.settings.mode == Mode::Lossless;
+        self.ledger.len() < if is_lossless { self.app.settings.stream_window } else { MAX_UNTOLD }
+    }
+
+    /// Takes a frame in.
+    fn accept(&mut self, message: Bytes) -> Vec<Utf8Bytes> {
+        let refused = |detail: String| BodyError::Malformed(detail).into();
+        let (seq, captured_at_ns, image) = match Header::split(&message) {
+            Ok(None) => (self.next_seq, None, message),
+            Ok(Some(header)) => (header.seq, header.captured_at_ns, message.slice(Header::BYTES..)),
+            Err(error) => return vec![self.error(None, &refused(error.to_string()))],
+        };
+        if seq < self.next_seq || seq == u64::MAX {
+            let expected = self.next_seq;
+            let detail = format!("frame {seq} is out of order: the next number is {expected} or higher");
+            return vec![self.error(None, &refused(detail))];
+        }
+        self.next_seq = seq + 1;
+        let arrived = Instant::now();
+        self.record.accepted();
+        self.ledger.accept(Accepted { seq, arrived, captured_at_ns });
+        match Frame::hold(image, &self.app.body_memory) {
+            Err(_) => self.ledger.settle(seq, Outcome::Dropped(DropReason::Overload)),
+            Ok(frame) if frame.bytes.is_empty() => {
+                self.ledger.settle(seq, Outcome::Failed(BodyError::Empty.into()));
+            }
+            Ok(frame) => self.wait(Waiting { seq, arrived, deadline: self.deadline(arrived), frame }),
+        }
+        self.tell()
+    }
+
+    fn deadline(&self, arrived: Instant) -> Option<Instant> {
+        arrived.checked_add(Duration::from_millis(self.settings.deadline_ms?))
+    }
+
+    /// Lets a frame wait for its turn.
+    fn wait(&mut self, frame: Waiting) {
+        match self.settings.mode {
+            Mode::Lossless => self.lane.push(frame),
+            Mode::Latest | Mode::Sampled => {
+                for seq in self.lane.supersede(frame) {
+                    self.ledger.settle(seq, Outcome::Dropped(DropReason::Superseded));
+                }
+            }
+        }
+        if self.look_at().is_none() {
+            self.queue();
+        }
+    }
+
+    /// In the mode `sampled`: when the frame that waits may be looked at, if that is to come.
+    fn look_at(&self) -> Option<Instant> {
+        let is_held =
+            self.settings.mode == Mode::Sampled && self.next_look > Instant::now() && self.lane.is_waiting();
+        is_held.then_some(self.next_look)
+    }
+
+    /// Takes the stream's place in the queue, if it is free and something waits.
+    fn queue(&mut self) {
+        if !self.lane.claim_place() {
+            return;
+        }
+        if let Some(interval) = self.settings.interval_ms {
+            self.next_look = Instant::now() + Duration::from_millis(interval);
+        }
+        let turn = Turn {
+            app: self.app.clone(),
+            lane: self.lane.clone(),
+            model: self.settings.model.clone(),
+            newsroom: self.newsroom.clone(),
+        };
+        let span = tracing::Span::current();
+        self.app.pool.queue(move || span.in_scope(|| turn.run()));
+    }
+
+    /// What follows from what a thread tells.
+    fn hear(&mut self, news: News) -> Vec<Utf8Bytes> {
+        match news {
+            News::Took => {
+                if self.look_at().is_none() {
+                    self.queue();
+                }
+                Vec::new()
+            }
+            News::Settled(seq, outcome) => {
+                self.ledger.settle(seq, outcome);
+                self.tell()
+            }
+        }
+    }
+
+    /// Tells what is settled, in order.
+    fn tell(&mut self) -> Vec<Utf8Bytes> {
+        let mut said = Vec::new();
+        while let Some((frame, outcome)) = self.ledger.next() {
+            let seq = frame.seq;
+            let messages = match outcome {
+                Outcome::Seen(seen) => {
+                    self.teller.result(&frame, *seen, (&self.settings, &self.app.events, &self.record))
+                }
+                Outcome::Failed(problem) => {
+                    self.record.failed();
+                    vec![self.error(Some(seq), &problem)]
+                }
+                Outcome::Dropped(reason) => {
+                    self.record.dropped(reason);
+                    vec![text(&ServerMessage::Dropped { seq, reason })]
+                }
+            };
+            for message in &messages {
+                self.teller.keep(seq, message.clone());
+            }
+            said.extend(messages);
+        }
+        said
+    }
+
+    fn configure(&mut self, message: &str) -> ServerMessage {
+        let read = || {
+            if message.len() > MAX_TEXT_BYTES {
+                return Err(Problem::from(BodyError::TooLarge { limit: MAX_TEXT_BYTES }));
+            }
+            let message: ClientMessage = serde_json::from_str(message)
+                .map_err(|error| Problem::Query(format!("the text message cannot be read: {error}")))?;
+            let ClientMessage::Configure(change) = message;
+            settings::changed(&self.settings, change, &self.app.registry)
+        };
+        match read() {
+            Ok(settings) => {
+                self.settings = settings;
+                self.record.configured(self.settings.robot.as_deref(), self.settings.mode);
+                // What waited for its time in the mode `sampled` may no longer have to.
+                self.next_look = Instant::now();
+                self.queue();
+                ServerMessage::Configured { settings: self.settings.clone() }
+            }
+            Err(problem) => ServerMessage::Error { seq: None, problem: problem.body(&self.id) },
+        }
+    }
+
+    fn error(&self, seq: Option<u64>, problem: &Problem) -> Utf8Bytes {
+        text(&ServerMessage::Error { seq, problem: problem.body(&self.id) })
+    }
+
+    fn hello(&self, resumed: bool) -> ServerMessage {
+        let settings = &self.app.settings;
+        let served: &ServedModel = self.teller.served();
+        ServerMessage::Hello(Box::new(Hello {
+            protocol: SUBPROTOCOL.to_owned(),
+            session: self.id.clone(),
+            resumed,
+            next_seq: self.next_seq,
+            settings: self.settings.clone(),
+            limits: StreamLimits {
+                max_frame_bytes: settings.max_frame_bytes,
+                max_frame_pixels: settings.max_frame_pixels,
+                window: settings.stream_window,
+                idle_timeout_ms: settings.stream_idle_timeout_ms,
+                resume_ms: settings.stream_resume_ms,
+            },
+            modes: vec![Mode::Latest, Mode::Lossless, Mode::Sampled],
+            model: ModelName::from(served),
+            rooms: served.model.places().to_vec(),
+        }))
+    }
+}
+
+/// A message as it is sent.
+pub fn text(message: &ServerMessage) -> Utf8Bytes {
+    // Plain values always have a JSON form.
+    serde_json::to_string(message).unwrap_or_default().into()
+}
+
+/// A stream's turn on a thread.
+struct Turn {
+    app: App,
+    lane: Arc<Lane>,
+    model: String,
+    newsroom: UnboundedSender<News>,
+}
+
+impl Turn {
+    /// Takes the stream's first frame that is still in time, and recognizes it.
+    fn run(self) {
+        let choose = || self.app.registry.choose(Some(&self.model), &Choice::Serving);
+        while let Some((Waiting { seq, arrived, deadline, frame }, served)) = self.lane.take(choose) {
+            let _ = self.newsroom.send(News::Took);
+            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                self.settle(seq, Outcome::Dropped(DropReason::Deadline));
+                continue;
+            }
+            let queue = arrived.elapsed();
+            let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
+            let limits = self.app.settings.frame_limits();
+            verdict.outcome = Some(match served {
+                Err(error) => Outcome::Failed(error.into()),
+                Ok(served) => see(frame, &limits, Task { served, deadline, explain: false }, queue),
+            });
+            return;
+        }
+    }
+
+    fn settle(&self, seq: u64, outcome: Outcome) {
+        let _ = self.newsroom.send(News::Settled(seq, outcome));
+    }
+}
+
+fn see(frame: Frame, limits: &Limits, task: Task, queue: Duration) -> Outcome {
+    match look(frame, limits, task, &|| false) {
+        Ok(mut seen) => {
+            seen.timings.queue = queue;
+            Outcome::Seen(Box::new(seen))
+        }
+        Err(error) => Outcome::Failed(error.into()),
+    }
+}
+
+/// What becomes of a frame that a thread took: a panic on the way is an outcome too.
+struct Verdict<'a> {
+    newsroom: &'a UnboundedSender<News>,
+    seq: u64,
+    outcome: Option<Outcome>,
+}
+
+impl Drop for Verdict<'_> {
+    fn drop(&mut self) {
+        let outcome = self.outcome.take();
+        let panicked = || Outcome::Failed(RecognizeError::from(Panicked).into());
+        let _ = self.newsroom.send(News::Settled(self.seq, outcome.unwrap_or_else(panicked)));
+    }
+}
