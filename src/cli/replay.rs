@@ -58,7 +58,8 @@ pub(super) struct ReplayArgs {
     /// A stream a robot, or a call a frame
     #[arg(long, value_enum, default_value = "stream")]
     transport: Transport,
-    /// As recorded, so many frames a second, or max: each when the one before has gone
+    /// As recorded, so many frames a second, or max: each when the one before has gone. The filter knows the
+    /// times between frames: faster than recorded, it judges a robot that drives so much faster
     #[arg(long, default_value = "recorded")]
     rate: Rate,
     /// How many robots send at once; each begins with another sequence, and a little later than the one before

@@ -117,3 +117,32 @@ async fn what_cannot_be_replayed_is_refused_with_a_reason() {
         assert!(said.contains(reason), "{arguments:?}: {said}");
     }
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn every_frame_of_a_replay_by_stream_has_its_answer() {
+    let (server, data) = (Server::start(Settings::default()).await, rooms());
+    let arguments = ["--rate=100", "--robots=3", "--limit=10", "--mode=lossless", "--filter"];
+    let told = figures(&data, &server.url, &arguments).await;
+    assert_eq!(told["frames"]["sent"], 30, "{told}");
+    assert_eq!(told["frames"]["results"], 30, "{told}");
+    assert_eq!(told["errors"], serde_json::json!({}), "{told}");
+    assert_eq!(told["accuracy_filtered"]["n_frames"], 30, "{told}");
+    assert!(told["accuracy_raw"]["rate"].as_f64().unwrap() > 0.9, "{told}");
+    assert!(told["age_ms"]["p50"].as_f64().unwrap() > 0.0, "{told}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn at_full_speed_a_lossless_stream_loses_nothing_and_another_says_what_it_drops() {
+    let (server, data) = (Server::start(Settings::default()).await, rooms());
+    let full_speed = ["--rate=max", "--loop", "--duration=0.3", "--robots=2", "--no-filter"];
+    let lossless = figures(&data, &server.url, &[&full_speed[..], &["--mode=lossless"]].concat()).await;
+    let sent = lossless["frames"]["sent"].as_u64().unwrap();
+    assert!(sent > 2, "{lossless}");
+    assert_eq!(lossless["frames"]["results"], sent, "{lossless}");
+    assert_eq!(lossless["accuracy_filtered"], Value::Null, "{lossless}");
+    let latest = figures(&data, &server.url, &full_speed).await;
+    let count = |name: &str| latest["frames"][name].as_u64().unwrap();
+    assert!(count("results") >= 2 && count("dropped") > 0, "{latest}");
+    assert_eq!(count("sent"), count("results") + count("dropped"), "{latest}");
+    assert_eq!(latest["dropped"]["superseded"], count("dropped"), "{latest}");
+}

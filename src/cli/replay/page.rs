@@ -10,7 +10,7 @@ use hdrhistogram::Histogram;
 
 /// What stands on the x axis of a distribution: how many of all frames are slower, as a power of ten.
 const TAILS: [(f64, &str); 6] =
-    [(0.0, "0"), (1.0, "90 %"), (2.0, "99 %"), (3.0, "99.9 %"), (4.0, "99.99 %"), (5.0, "99.999 %")];
+    [(0.0, "0 %"), (1.0, "90 %"), (2.0, "99 %"), (3.0, "99.9 %"), (4.0, "99.99 %"), (5.0, "99.999 %")];
 /// The height of a band of rooms.
 const BAND: f64 = 24.0;
 
