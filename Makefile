@@ -2,7 +2,12 @@
 
 ARGS ?=
 
-.PHONY: help demo test bench tools
+PYTHON ?= python3
+# Made once; the stamp is renewed where the client's dependencies change.
+VENV := target/python
+STAMP := $(VENV)/.installed
+
+.PHONY: help demo test bench tools test-python
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
@@ -15,6 +20,19 @@ test: tools ## format, lints, all tests
 	cargo fmt --check
 	cargo clippy --all-targets -- -D warnings
 	cargo test
+	@$(MAKE) --no-print-directory test-python
+
+test-python: tools
+	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
+	  cargo build && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests; \
+	else \
+	  echo "LEFT OUT: the tests of the Python client. They take python3 with venv, and its packages from an index." >&2; \
+	fi
+
+$(STAMP): clients/python/pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 ./clients/python
+	@touch $(STAMP)
 
 bench: tools ## milliseconds a frame, step by step
 	cargo bench $(ARGS)

@@ -1,6 +1,7 @@
 //! The commands of `roomsight`: one file a command.
 //!
-//! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line.
+//! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line,
+//! 3 a gate of `replay` failed.
 
 mod data;
 mod demo;
@@ -11,6 +12,7 @@ mod inspect;
 mod key;
 mod output;
 mod recognize;
+mod replay;
 mod serve;
 mod simulate;
 mod train;
@@ -22,6 +24,9 @@ use std::ffi::OsStr;
 use std::io;
 use std::path::Path;
 use std::process::ExitCode;
+
+/// The exit code where all went well but the figures are not what was asked for.
+const GATE_FAILED: u8 = 3;
 
 /// Tells a robot which room it is in.
 ///
@@ -44,6 +49,7 @@ enum Command {
     Recognize(recognize::RecognizeArgs),
     Inspect(inspect::InspectArgs),
     Serve(serve::ServeArgs),
+    Replay(replay::ReplayArgs),
     Key(key::KeyArgs),
     Health(health::HealthArgs),
     Simulate(simulate::SimulateArgs),
@@ -57,7 +63,7 @@ pub fn main() -> ExitCode {
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("roomsight: {}", output::explained(&error));
-            ExitCode::FAILURE
+            if error.is::<replay::GateFailed>() { GATE_FAILED.into() } else { ExitCode::FAILURE }
         }
     }
 }
@@ -73,6 +79,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Recognize(args) => recognize::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Serve(args) => serve::run(&args),
+        Command::Replay(args) => replay::run(&args),
         Command::Key(args) => key::run(&args),
         Command::Health(args) => health::run(&args),
         Command::Simulate(args) => simulate::run(&args),

@@ -63,9 +63,14 @@ pub struct Frame {
 impl Frame {
     /// Reads and decodes the image; its size is checked before a byte of it is read.
     pub fn read(&self, limits: &Limits) -> Result<Image, Problem> {
-        let bytes = files::read_bounded(&self.path, limits.max_bytes as u64)
-            .map_err(|error| Problem::new(&self.path, error.to_string()))?;
+        let bytes = self.read_encoded(limits)?;
         Image::decode(&bytes, limits).map_err(|error| Problem::new(&self.path, error.to_string()))
+    }
+
+    /// Reads the image as it is encoded; its size is checked before a byte of it is read.
+    pub fn read_encoded(&self, limits: &Limits) -> Result<Vec<u8>, Problem> {
+        files::read_bounded(&self.path, limits.max_bytes as u64)
+            .map_err(|error| Problem::new(&self.path, error.to_string()))
     }
 }
 
@@ -154,6 +159,11 @@ impl Dataset {
         if let [place] = self.places().as_slice() {
             return Err(DatasetError::OnePlace { place: place.clone() });
         }
+        self.check_camera()
+    }
+
+    /// Refuses frames of several kinds of camera together: a model knows one.
+    pub fn check_camera(&self) -> Result<(), DatasetError> {
         let cameras: BTreeSet<&str> = self.frames.iter().map(|frame| camera_name(frame.camera)).collect();
         if cameras.len() > 1 {
             return Err(DatasetError::MixedCameras { cameras: error::enumerate(&cameras) });

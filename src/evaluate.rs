@@ -36,7 +36,8 @@ pub struct Rate {
 }
 
 impl Rate {
-    fn new(n_correct: usize, n_frames: usize) -> Self {
+    /// `n_correct` of `n_frames`.
+    pub fn new(n_correct: usize, n_frames: usize) -> Self {
         let rate = (n_frames > 0).then(|| n_correct as f64 / n_frames as f64);
         Self { n_correct, n_frames, rate }
     }

@@ -15,10 +15,10 @@
 //! | 7 | [`filter`] | probabilities of frames to the room of a stream |
 //! | 8 | [`model`] | the whole pipeline: train, recognize, the file |
 //! | 9 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 10 | [`validate`] | rates of a configuration over splits and seeds |
+//! | 10 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
 //! | 11 | [`experiment`] | the experiments of the papers |
 //! | 12 | [`protocol`] | what travels between robots and the service |
-//! | 13 | [`server`] | the HTTP service |
+//! | 13 | [`client`], [`server`] | a client of the HTTP service, the service |
 //! | 14 | [`cli`] | the commands |
 //!
 //! Groups 1 to 8 are the recognition core. They know no async, no HTTP, no clock and no hidden
@@ -49,12 +49,14 @@ pub mod dataset;
 pub mod evaluate;
 pub mod simulate;
 
+pub mod page;
 pub mod validate;
 
 pub mod experiment;
 
 pub mod protocol;
 
+pub mod client;
 pub mod server;
 
 pub mod cli;

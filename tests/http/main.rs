@@ -5,6 +5,7 @@
 mod calls;
 mod command;
 mod load;
+mod replay;
 mod robot;
 mod service;
 mod stream;

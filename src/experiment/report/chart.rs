@@ -2,16 +2,11 @@
 
 use super::super::run::axes;
 use super::super::{Drives, Measured, Plan};
-use super::escape;
+use crate::page::chart::{
+    LEFT, N_COLORS, PLOT_HEIGHT, TOP, WIDTH, framed, label, legend, polyline, rate_axis, y_of,
+};
+use crate::page::escape;
 use std::collections::BTreeMap;
-
-const WIDTH: f64 = 860.0;
-const LEFT: f64 = 40.0;
-const TOP: f64 = 30.0;
-const PLOT_HEIGHT: f64 = 220.0;
-
-/// The style sheet has as many colors.
-const N_COLORS: usize = 8;
 
 /// Means of a plan as groups of bars, a group a row, with the deviations as whiskers.
 pub fn bars(plan: &Plan, measured: &[Measured]) -> String {
@@ -64,8 +59,7 @@ pub fn lines(plan: &Plan, measured: &[Measured]) -> String {
             Some((x_of(row_idx), y_of(mean), mean))
         };
         let points: Vec<(f64, f64, f64)> = rows.iter().enumerate().filter_map(point).collect();
-        let line: Vec<String> = points.iter().map(|(x, y, _)| format!("{x:.1},{y:.1}")).collect();
-        svg += &format!("<polyline class=\"l{color}\" points=\"{}\"/>\n", line.join(" "));
+        svg += &polyline(color, points.iter().map(|&(x, y, _)| (x, y)));
         for (x, y, mean) in points {
             svg += &format!(
                 "<circle class=\"f{color}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"3\"><title>{}: {mean:.4}</title></circle>\n",
@@ -131,54 +125,4 @@ fn rate<'m>(
 ) -> Option<&'m crate::evaluate::Summary> {
     let found = plan.cells.iter().zip(measured).find(|(cell, _)| cell.row == row && cell.column == column);
     found.and_then(|(_, measured)| measured.rate.as_ref())
-}
-
-/// Where a rate stands, 0 to 1.
-fn y_of(rate: f64) -> f64 {
-    TOP + PLOT_HEIGHT * (1.0 - rate.clamp(0.0, 1.0))
-}
-
-fn rate_axis() -> String {
-    let line = |tenth: u8| {
-        let (rate, y) = (f64::from(tenth) / 10.0, y_of(f64::from(tenth) / 10.0));
-        format!(
-            "<line class=\"grid\" x1=\"{LEFT}\" x2=\"{WIDTH}\" y1=\"{y:.1}\" y2=\"{y:.1}\"/>\
-             <text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{rate:.1}</text>\n",
-            LEFT - 6.0,
-            y + 4.0
-        )
-    };
-    (0..=10).step_by(2).map(line).collect()
-}
-
-/// Text round a place on the x axis, moved so far that it stays in the picture.
-fn label(x: f64, y: f64, text: &str) -> String {
-    let half = text_width(text) / 2.0;
-    let x = x.min(WIDTH - half).max(half);
-    format!("<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\">{}</text>\n", escape(text))
-}
-
-/// About how wide a text is.
-fn text_width(text: &str) -> f64 {
-    6.5 * text.chars().count() as f64
-}
-
-fn legend(names: &[&str]) -> String {
-    let mut x = LEFT;
-    let mut svg = String::new();
-    for (idx, name) in names.iter().enumerate() {
-        svg += &format!(
-            "<rect class=\"f{}\" x=\"{x:.1}\" y=\"6\" width=\"10\" height=\"10\"/>\
-             <text x=\"{:.1}\" y=\"15\">{}</text>\n",
-            idx % N_COLORS,
-            x + 14.0,
-            escape(name)
-        );
-        x += 34.0 + text_width(name);
-    }
-    svg
-}
-
-fn framed(content: &str, height: f64) -> String {
-    format!("<svg viewBox=\"0 0 {WIDTH} {height:.0}\" width=\"{WIDTH}\" role=\"img\">\n{content}</svg>\n")
 }

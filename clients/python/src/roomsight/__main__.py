@@ -1,0 +1,52 @@
+"""``python -m roomsight FOLDER``: streams the pictures of a folder and prints the room of each."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from pathlib import Path
+
+from . import Client, Dropped, Result, RoomsightError
+
+SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".bmp", ".pgm"}
+
+
+def main() -> int:
+    """Parses the command line and streams; the exit code is 1 where the service or the folder fails."""
+    parser = argparse.ArgumentParser(prog="python -m roomsight", description=__doc__)
+    parser.add_argument("folder", type=Path, help="pictures, sent in the order of their names")
+    parser.add_argument("--url", default="http://127.0.0.1:8080", help="the service (%(default)s)")
+    parser.add_argument("--key", default=os.environ.get("ROOMSIGHT_KEY"), help="or ROOMSIGHT_KEY")
+    parser.add_argument("--robot", help="the name of the robot")
+    parser.add_argument("--rate", type=float, default=5.0, help="frames a second (%(default)s)")
+    arguments = parser.parse_args()
+    try:
+        frames = sorted(path for path in arguments.folder.iterdir() if path.suffix.lower() in SUFFIXES)
+        stream_frames(arguments, frames)
+    except (RoomsightError, OSError, ValueError) as error:
+        print(f"roomsight: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def stream_frames(arguments: argparse.Namespace, frames: list[Path]) -> None:
+    """Sends the frames at their rate, one after the other."""
+    with Client(arguments.url, arguments.key) as client, client.stream(robot=arguments.robot) as stream:
+        due = time.monotonic()
+        for frame in frames:
+            time.sleep(max(0.0, due - time.monotonic()))
+            due += 1.0 / arguments.rate
+            stream.send(frame, captured_at_ns=time.time_ns())
+            answer = stream.answer()
+            if isinstance(answer, Result):
+                print(f"{frame.name}  {answer.room}  {answer.probability:.2f}")
+            elif isinstance(answer, Dropped):
+                print(f"{frame.name}  dropped: {answer.reason}")
+            else:
+                print(f"{frame.name}  {answer.problem.title}: {answer.problem.detail}")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

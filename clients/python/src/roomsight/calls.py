@@ -1,0 +1,96 @@
+"""What both clients share: how calls are made up and their answers read, apart from any socket."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any, Optional, TypeVar, Union
+
+import httpx
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
+
+from .errors import ConnectionLost, ProtocolError, Refused, RoomsightError
+from .messages import Hello, ResumePoint, read_message
+from .types import Problem, decode
+
+T = TypeVar("T")
+
+#: An encoded image (JPEG, PNG, ...), or the file that holds it.
+Frame = Union[bytes, "os.PathLike[str]", str]
+
+DEFAULT_URL = "http://127.0.0.1:8080"
+#: How long to wait for a connection or the answer to a call, in seconds.
+PATIENCE_S = 30.0
+
+
+def check_url(url: str) -> str:
+    """The address without its last slash. Raises ``ValueError`` where it is none."""
+    if not url.startswith(("http://", "https://")):
+        raise ValueError(f"{url!r} is no address of a service; give one such as {DEFAULT_URL}")
+    return url.rstrip("/")
+
+
+def authorization(key: Optional[str]) -> dict[str, str]:
+    """The header that carries the key."""
+    return {} if key is None else {"Authorization": f"Bearer {key}"}
+
+
+def frame_bytes(frame: Frame) -> bytes:
+    """The encoded image."""
+    return frame if isinstance(frame, bytes) else Path(frame).read_bytes()
+
+
+def recognize_call(frame: Frame, query: dict[str, Any]) -> dict[str, Any]:
+    """The call for one frame, as arguments for httpx. What is None is left out."""
+    given = {name: value for name, value in query.items() if value is not None}
+    return {
+        "method": "POST",
+        "url": "/v1/recognize",
+        "params": given,
+        "content": frame_bytes(frame),
+        "headers": {"Content-Type": "application/octet-stream"},
+    }
+
+
+def read_answer(kind: type[T], response: httpx.Response) -> T:
+    """The answer to a call. Raises ``Refused`` or ``ProtocolError``."""
+    if response.is_success:
+        return decode(kind, _json(response.content, response.status_code))
+    raise refused(response.status_code, response.content, response.headers.get("Retry-After"))
+
+
+def refused(status: int, body: bytes, retry_after: Optional[str]) -> RoomsightError:
+    """The error in an answer that is no success."""
+    try:
+        problem = decode(Problem, _json(body, status))
+    except ProtocolError as error:
+        return error
+    return Refused(problem, float(retry_after) if retry_after and retry_after.isdigit() else None)
+
+
+def lost(error: Exception, point: Optional[ResumePoint] = None) -> RoomsightError:
+    """The error for one of httpx, websockets or the operating system."""
+    if isinstance(error, InvalidStatus):
+        response = error.response
+        return refused(response.status_code, bytes(response.body or b""), response.headers.get("Retry-After"))
+    if isinstance(error, ConnectionClosed) and error.rcvd is not None:
+        return ConnectionLost(error.rcvd.reason, error.rcvd.code, point)
+    if isinstance(error, InvalidHandshake):
+        return ProtocolError(f"the stream was not opened: {error}")
+    return ConnectionLost(str(error) or type(error).__name__, point=point)
+
+
+def read_hello(text: Union[str, bytes]) -> Hello:
+    """The first message of a stream."""
+    message = read_message(text)
+    if not isinstance(message, Hello):
+        raise ProtocolError(f"the stream begins with {type(message).__name__}, not with Hello")
+    return message
+
+
+def _json(body: bytes, status: int) -> Any:
+    try:
+        return json.loads(body)
+    except ValueError as error:
+        raise ProtocolError(f"the address answers {status}, but not as roomsight does") from error

@@ -1,0 +1,211 @@
+"""The client for programs without ``asyncio``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import TracebackType
+from typing import Any, Optional, Union
+
+import httpx
+from websockets.exceptions import WebSocketException
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
+
+from . import calls, messages
+from .calls import DEFAULT_URL, PATIENCE_S, Frame
+from .errors import RoomsightError
+from .messages import Hello, Message, Position, ResumePoint
+from .types import Answer, ModelList
+
+
+class Client:
+    """A service that can be called, with a key where it asks for one. Close it, or use it with ``with``."""
+
+    def __init__(self, url: str = DEFAULT_URL, key: Optional[str] = None) -> None:
+        self._url = calls.check_url(url)
+        self._headers = calls.authorization(key)
+        self._http = httpx.Client(base_url=self._url, headers=self._headers, timeout=PATIENCE_S)
+
+    def recognize(
+        self,
+        frame: Frame,
+        *,
+        robot: Optional[str] = None,
+        model: Optional[str] = None,
+        version: Optional[int] = None,
+        label: Optional[str] = None,
+        captured_at: Optional[str] = None,
+        deadline_ms: Optional[int] = None,
+        top: Optional[int] = None,
+        explain: Optional[bool] = None,
+    ) -> Answer:
+        """The room of one encoded image, given as bytes or as the path of a file.
+
+        ``deadline_ms`` is how long the frame may wait, ``top`` how many rooms to name. Raises ``Refused``,
+        ``ConnectionLost`` or ``ProtocolError``.
+        """
+        query = {
+            "robot": robot,
+            "model": model,
+            "version": version,
+            "label": label,
+            "captured_at": captured_at,
+            "deadline_ms": deadline_ms,
+            "top": top,
+            "explain": explain,
+        }
+        return calls.read_answer(Answer, self._call(**calls.recognize_call(frame, query)))
+
+    def models(self) -> ModelList:
+        """The models there are."""
+        return calls.read_answer(ModelList, self._call("GET", "/v1/models"))
+
+    def is_ready(self) -> bool:
+        """Whether the service answers frames."""
+        return self._call("GET", "/readyz").is_success
+
+    def stream(
+        self,
+        *,
+        robot: Optional[str] = None,
+        model: Optional[str] = None,
+        mode: Optional[str] = None,
+        **configure: Any,
+    ) -> Stream:
+        """Opens a stream. ``mode`` is ``latest``, ``lossless`` or ``sampled``; for the rest see ``configure``."""
+        stream = self._open({"robot": robot, "model": model, "mode": mode}, None)
+        if configure:
+            stream.configure(**configure)
+        return stream
+
+    def resume(self, point: ResumePoint) -> Stream:
+        """Goes on with a stream whose connection broke; ``hello.resumed`` tells whether it was still there."""
+        return self._open({"session": point.session, "last_seq": point.last_seq}, point)
+
+    def close(self) -> None:
+        """Closes the connections of the calls. Streams are closed by themselves."""
+        self._http.close()
+
+    def __enter__(self) -> Client:
+        return self
+
+    def __exit__(
+        self,
+        kind: Optional[type[BaseException]],
+        error: Optional[BaseException],
+        trace: Optional[TracebackType],
+    ) -> None:
+        self.close()
+
+    def _call(self, method: str, url: str, **arguments: Any) -> httpx.Response:
+        try:
+            return self._http.request(method, url, **arguments)
+        except httpx.HTTPError as error:
+            raise calls.lost(error) from error
+
+    def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> Stream:
+        try:
+            socket = connect(
+                messages.stream_url(self._url, query),
+                subprotocols=[Subprotocol(messages.SUBPROTOCOL)],
+                additional_headers=self._headers,
+                # Images are compressed already.
+                compression=None,
+                open_timeout=PATIENCE_S,
+            )
+            hello = calls.read_hello(socket.recv(PATIENCE_S))
+        except (WebSocketException, OSError) as error:
+            raise calls.lost(error) from error
+        return Stream(socket, hello, point)
+
+
+class Stream:
+    """An open stream; every frame gets one answer, in the order sent. Made by ``Client.stream``.
+
+    One thread may send while another receives.
+    """
+
+    def __init__(self, socket: ClientConnection, hello: Hello, resumed_from: Optional[ResumePoint]) -> None:
+        self.hello = hello
+        self._socket = socket
+        self._position = Position(hello, resumed_from)
+
+    @property
+    def point(self) -> ResumePoint:
+        """Where ``Client.resume`` can go on."""
+        return self._position.point
+
+    def send(self, frame: Frame, *, captured_at_ns: Optional[int] = None) -> int:
+        """Sends an encoded image, and returns its number. ``captured_at_ns`` is as of ``time.time_ns()``."""
+        seq = self._position.number()
+        self._send(messages.frame_message(calls.frame_bytes(frame), seq, captured_at_ns))
+        return seq
+
+    def configure(
+        self,
+        *,
+        robot: Optional[str] = None,
+        model: Optional[str] = None,
+        mode: Optional[str] = None,
+        interval_ms: Optional[int] = None,
+        filter: Union[bool, dict[str, float], None] = None,
+        deadline_ms: Optional[int] = None,
+        top: Optional[int] = None,
+    ) -> None:
+        """Changes the stream; what is left out stays. The service answers with ``Configured``.
+
+        ``filter`` is True, False or ``{"trust": 0.5}``; ``deadline_ms`` is how long a frame may wait.
+        """
+        settings = {
+            "robot": robot,
+            "model": model,
+            "mode": mode,
+            "interval_ms": interval_ms,
+            "filter": filter,
+            "deadline_ms": deadline_ms,
+            "top": top,
+        }
+        self._send(messages.configure_message(settings))
+
+    def receive(self, timeout: Optional[float] = None) -> Message:
+        """The next message. Raises ``TimeoutError`` after ``timeout`` seconds, ``ConnectionLost`` at the end."""
+        try:
+            return self._position.read(self._socket.recv(timeout))
+        except WebSocketException as error:
+            raise self._lost(error) from error
+
+    def answer(self, timeout: Optional[float] = None) -> Union[messages.Result, messages.Dropped, messages.Error]:
+        """The answer to the oldest frame that has none yet; other messages are passed over."""
+        while True:
+            message = self.receive(timeout)
+            if isinstance(message, (messages.Result, messages.Dropped, messages.Error)):
+                return message
+
+    def __iter__(self) -> Iterator[Message]:
+        """All messages; ends with ``ConnectionLost``."""
+        while True:
+            yield self.receive()
+
+    def close(self) -> None:
+        """Ends the stream."""
+        self._socket.close()
+
+    def __enter__(self) -> Stream:
+        return self
+
+    def __exit__(
+        self,
+        kind: Optional[type[BaseException]],
+        error: Optional[BaseException],
+        trace: Optional[TracebackType],
+    ) -> None:
+        self.close()
+
+    def _send(self, message: Union[str, bytes]) -> None:
+        try:
+            self._socket.send(message)
+        except WebSocketException as error:
+            raise self._lost(error) from error
+
+    def _lost(self, error: Exception) -> RoomsightError:
+        return calls.lost(error, self.point)

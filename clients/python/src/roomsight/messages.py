@@ -1,0 +1,204 @@
+"""The messages of a stream, ``roomsight.v1``: what is sent and received, apart from any socket."""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import dataclass
+from typing import Any, Optional, Union
+from urllib.parse import urlencode
+
+from .errors import ProtocolError
+from .types import Answer, Filtered, ModelName, Problem, decode
+
+SUBPROTOCOL = "roomsight.v1"
+
+#: What begins a frame that has a number: magic, flags, number, time in ns since 1970; all little-endian.
+_HEADER = struct.Struct("<4sIQQ")
+_DATED = 1
+
+
+@dataclass(frozen=True)
+class FilterSettings:
+    """How much one frame counts in the filter, above 0 to 1: lower is steadier and later."""
+
+    trust: float
+
+
+@dataclass(frozen=True)
+class StreamSettings:
+    """How a stream is configured."""
+
+    model: str
+    mode: str
+    robot: Optional[str] = None
+    interval_ms: Optional[int] = None
+    filter: Optional[FilterSettings] = None
+    deadline_ms: Optional[int] = None
+    top: Optional[int] = None
+
+
+@dataclass(frozen=True)
+class StreamLimits:
+    """What a stream is limited to."""
+
+    max_frame_bytes: int
+    max_frame_pixels: int
+    window: int
+    idle_timeout_ms: int
+    resume_ms: int
+
+
+@dataclass(frozen=True)
+class Hello:
+    """The first message of a connection."""
+
+    protocol: str
+    session: str
+    resumed: bool
+    next_seq: int
+    settings: StreamSettings
+    limits: StreamLimits
+    modes: list[str]
+    model: ModelName
+    rooms: list[str]
+
+
+@dataclass(frozen=True)
+class Configured:
+    """The stream is configured so from the next frame on."""
+
+    settings: StreamSettings
+
+
+@dataclass(frozen=True)
+class Result:
+    """Which room a frame shows: ``answer`` is the frame's own, ``filtered`` that of the stream.
+
+    ``age_ms`` is from capture to answer, where the frame was dated.
+    """
+
+    seq: int
+    answer: Answer
+    filtered: Optional[Filtered] = None
+    age_ms: Optional[float] = None
+
+    @property
+    def room(self) -> str:
+        """The room to act on: the filter's where there is one."""
+        return (self.filtered or self.answer).room
+
+    @property
+    def probability(self) -> float:
+        """The probability of ``room``."""
+        return (self.filtered or self.answer).probability
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """A frame was not looked at: ``superseded``, ``deadline``, ``overload`` or ``draining``."""
+
+    seq: int
+    reason: str
+
+
+@dataclass(frozen=True)
+class Error:
+    """A frame could not be used, or, without ``seq``, a message that is no frame. The stream lives on."""
+
+    problem: Problem
+    seq: Optional[int] = None
+
+
+@dataclass(frozen=True)
+class ModelChanged:
+    """From ``first_seq`` on, another model answers. ``filter`` is ``kept`` or ``reset``."""
+
+    to: ModelName
+    epoch: int
+    first_seq: int
+    filter: str
+    rooms: list[str]
+
+
+@dataclass(frozen=True)
+class Draining:
+    """The service stops: frames are no longer read."""
+
+
+#: What ``receive`` gives.
+Message = Union[Hello, Configured, Result, Dropped, Error, ModelChanged, Draining]
+
+_KINDS: dict[str, Any] = {
+    "hello": Hello,
+    "configured": Configured,
+    "dropped": Dropped,
+    "error": Error,
+    "model_changed": ModelChanged,
+    "draining": Draining,
+}
+
+
+@dataclass(frozen=True)
+class ResumePoint:
+    """Where a stream can go on after its connection broke; ``last_seq`` is the last frame answered."""
+
+    session: str
+    last_seq: Optional[int] = None
+
+
+def read_message(text: Union[str, bytes]) -> Message:
+    """What the service says. Raises ``ProtocolError``."""
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise ProtocolError(f"a message is no JSON: {error}") from error
+    kind = data.get("type") if isinstance(data, dict) else None
+    if kind == "result":
+        # The answer's fields stand beside those of the result.
+        return decode(Result, {**data, "answer": data})
+    if kind not in _KINDS:
+        raise ProtocolError(f"an unknown message: {str(text)[:200]}")
+    message: Message = decode(_KINDS[kind], data)
+    return message
+
+
+def frame_message(frame: bytes, seq: int, captured_at_ns: Optional[int]) -> bytes:
+    """A frame as it is sent: with a header where it is dated, else bare."""
+    if captured_at_ns is None:
+        return frame
+    return _HEADER.pack(b"RSF1", _DATED, seq, captured_at_ns) + frame
+
+
+def configure_message(settings: dict[str, Any]) -> str:
+    """The message that changes a stream. What is None stays as it is."""
+    given = {name: value for name, value in settings.items() if value is not None}
+    return json.dumps({"type": "configure", **given})
+
+
+def stream_url(url: str, query: dict[str, Any]) -> str:
+    """The address of a stream at the service ``url``."""
+    given = {name: value for name, value in query.items() if value is not None}
+    base = url.rstrip("/").replace("http", "ws", 1)
+    return f"{base}/v1/stream" + (f"?{urlencode(given)}" if given else "")
+
+
+class Position:
+    """What both kinds of streams know of theirs: the next number, and the last answer."""
+
+    def __init__(self, hello: Hello, resumed_from: Optional[ResumePoint]) -> None:
+        self.next_seq = hello.next_seq
+        last_seq = resumed_from.last_seq if resumed_from and hello.resumed else None
+        self.point = ResumePoint(hello.session, last_seq)
+
+    def number(self) -> int:
+        """The number of the frame that is about to be sent."""
+        self.next_seq += 1
+        return self.next_seq - 1
+
+    def read(self, text: Union[str, bytes]) -> Message:
+        """What the service says; the last answer is kept in mind."""
+        message = read_message(text)
+        if isinstance(message, (Result, Dropped, Error)) and message.seq is not None:
+            self.point = ResumePoint(self.point.session, message.seq)
+        return message

@@ -1,0 +1,143 @@
+"""What the service answers, as typed values, and how they come out of JSON."""
+
+from __future__ import annotations
+
+import dataclasses
+import typing
+from dataclasses import dataclass
+from typing import Any, Optional, TypeVar
+
+from .errors import ProtocolError
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class RoomProbability:
+    """A room and its probability, 0 to 1."""
+
+    room: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class ModelName:
+    """The model that answered. ``epoch`` counts how often another version of it began to serve."""
+
+    name: str
+    version: int
+    epoch: int
+    digest: str
+
+
+@dataclass(frozen=True)
+class Timings:
+    """Where the time of a frame went, in milliseconds."""
+
+    queue: float
+    decode: float
+    features: float
+    classify: float
+
+
+@dataclass(frozen=True)
+class KeypointEvidence:
+    """How much one keypoint, at column ``x`` and row ``y`` of the frame, spoke for the room."""
+
+    x: float
+    y: float
+    word: int
+    weight: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Which room a frame shows. Do not act on the room where ``known`` is false."""
+
+    room: str
+    known: bool
+    probability: float
+    probabilities: list[RoomProbability]
+    model: ModelName
+    keypoints: int
+    timings_ms: Timings
+    request_id: str
+    robot: Optional[str] = None
+    captured_at: Optional[str] = None
+    evidence: Optional[list[KeypointEvidence]] = None
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """What the frames of a stream say together."""
+
+    room: str
+    probability: float
+    probabilities: list[RoomProbability]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An error as the service tells it (RFC 9457): ``detail`` says what to do about it."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    request_id: str
+
+
+@dataclass(frozen=True)
+class Version:
+    """One version of a model. ``rooms`` are those that it tells apart."""
+
+    version: int
+    state: str
+    labels: list[str]
+    epoch: Optional[int] = None
+    digest: Optional[str] = None
+    rooms: Optional[list[str]] = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model: its versions, the highest first, and the one that serves."""
+
+    name: str
+    versions: list[Version]
+    serving: Optional[int] = None
+
+
+@dataclass(frozen=True)
+class ModelList:
+    """All models, and the one that answers where none is asked for."""
+
+    default: str
+    models: list[Model]
+
+
+def decode(kind: type[T], data: Any) -> T:
+    """A value of a dataclass from parsed JSON. Fields that it does not have are left out.
+
+    Raises ``ProtocolError`` where a field is missing.
+    """
+    if not isinstance(data, dict):
+        raise ProtocolError(f"{kind.__name__} is no object: {data!r}")
+    hints = typing.get_type_hints(kind)
+    known = {name: _value(hint, data[name]) for name, hint in hints.items() if name in data}
+    try:
+        return kind(**known)
+    except TypeError as error:
+        raise ProtocolError(f"{kind.__name__} cannot be read: {error}") from error
+
+
+def _value(hint: Any, value: Any) -> Any:
+    arguments = typing.get_args(hint)
+    if value is None:
+        return None
+    if typing.get_origin(hint) is typing.Union:
+        return _value(arguments[0], value)
+    if typing.get_origin(hint) is list:
+        return [_value(arguments[0], item) for item in value]
+    is_class = isinstance(hint, type) and dataclasses.is_dataclass(hint)
+    return decode(hint, value) if is_class else value

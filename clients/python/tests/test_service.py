@@ -1,0 +1,148 @@
+"""Both clients against the real service, with simulated frames."""
+
+import logging
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+from roomsight import AsyncClient, Client, ConnectionLost, Dropped, Error, Refused, Result
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+BINARY = os.environ.get("ROOMSIGHT", str(REPOSITORY / "target/debug/roomsight"))
+PATIENCE_S = 60.0
+NO_IMAGE = b"this is no image"
+
+# A busy machine is slow; asyncio would tell each time.
+logging.getLogger("asyncio").setLevel(logging.ERROR)
+
+
+class Service(unittest.IsolatedAsyncioTestCase):
+    """A service of the example model, and a short drive through the lab that it knows."""
+
+    folder: "tempfile.TemporaryDirectory[str]"
+    process: "subprocess.Popen[bytes]"
+    url: str
+    frames: "list[Path]"
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
+        drive = ["--camera=omni", "--illumination=cloudy1", "--frames-per-second=0.04"]
+        subprocess.run([BINARY, "simulate", cls.folder.name, *drive], check=True, stdout=subprocess.DEVNULL)
+        cls.frames = sorted(Path(cls.folder.name).rglob("*.jpeg"))[:6]
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            address = f"127.0.0.1:{free.getsockname()[1]}"
+        cls.url = f"http://{address}"
+        models = str(REPOSITORY / "models")
+        cls.process = subprocess.Popen(
+            [BINARY, "serve", "--models", models, "--listen", address, "--set", "log_level=error"]
+        )
+        cls.addClassCleanup(cls.process.wait)
+        cls.addClassCleanup(cls.process.terminate)
+        started = time.monotonic()
+        with Client(cls.url) as client:
+            while not is_ready(client):
+                if cls.process.poll() is not None or time.monotonic() - started > PATIENCE_S:
+                    raise AssertionError("the service did not get ready")
+                time.sleep(0.05)
+
+    def test_single_frames_and_models(self) -> None:
+        with Client(self.url) as client:
+            models = client.models()
+            self.assertEqual(models.default, "simulated-lab")
+            rooms = models.models[0].versions[0].rooms or []
+            answer = client.recognize(self.frames[0], robot="wall-e", top=2)
+            self.assertIn(answer.room, rooms)
+            self.assertEqual((answer.robot, len(answer.probabilities)), ("wall-e", 2))
+            with self.assertRaises(Refused) as refused:
+                client.recognize(NO_IMAGE)
+            self.assertEqual(refused.exception.problem.type, "/problems/not-an-image")
+            with self.assertRaises(Refused):
+                client.recognize(self.frames[0], model="nowhere")
+
+    async def test_the_same_without_blocking(self) -> None:
+        async with AsyncClient(self.url) as client:
+            self.assertTrue(await client.is_ready())
+            answer = await client.recognize(self.frames[0].read_bytes())
+            with Client(self.url) as blocking:
+                self.assertEqual(blocking.recognize(self.frames[0]).probabilities, answer.probabilities)
+            with self.assertRaises(Refused):
+                await client.recognize(NO_IMAGE)
+
+    def test_a_stream_answers_every_frame_in_order(self) -> None:
+        with Client(self.url) as client, client.stream(robot="wall-e", mode="lossless") as stream:
+            sent = [stream.send(frame, captured_at_ns=time.time_ns()) for frame in self.frames]
+            answers = [stream.answer(PATIENCE_S) for _ in sent]
+            self.assertEqual([answer.seq for answer in answers], sent)
+            for answer, frame in zip(answers, self.frames):
+                assert isinstance(answer, Result), answer
+                self.assertEqual(answer.answer.room, client.recognize(frame).room)
+                self.assertIn(answer.room, stream.hello.rooms)
+                self.assertIsNotNone(answer.age_ms)
+
+    def test_a_bad_frame_is_answered_and_the_stream_lives(self) -> None:
+        with Client(self.url) as client, client.stream(filter=False) as stream:
+            stream.send(NO_IMAGE)
+            bad = stream.answer(PATIENCE_S)
+            assert isinstance(bad, Error), bad
+            self.assertEqual((bad.seq, bad.problem.type), (0, "/problems/not-an-image"))
+            self.assertEqual(stream.send(self.frames[0]), 1)
+            good = stream.answer(PATIENCE_S)
+            assert isinstance(good, Result), good
+            self.assertIsNone(good.filtered)
+
+    def test_a_stream_goes_on_after_its_connection_broke(self) -> None:
+        with Client(self.url) as client:
+            stream = client.stream(robot="wall-e")
+            stream.send(self.frames[0])
+            stream.answer(PATIENCE_S)
+            # As when the radio is gone: without a word.
+            stream._socket.socket.shutdown(socket.SHUT_RDWR)
+            with self.assertRaises(ConnectionLost) as lost:
+                stream.answer(PATIENCE_S)
+            assert lost.exception.point is not None
+            with client.resume(lost.exception.point) as resumed:
+                self.assertTrue(resumed.hello.resumed)
+                self.assertEqual(resumed.hello.session, stream.hello.session)
+                seq = resumed.send(self.frames[1])
+                self.assertEqual((seq, resumed.answer(PATIENCE_S).seq), (1, 1))
+
+    async def test_a_stream_without_blocking(self) -> None:
+        async with AsyncClient(self.url) as client:
+            async with await client.stream(mode="latest", top=1) as stream:
+                sent = [await stream.send(frame) for frame in self.frames]
+                answers = [await stream.answer(PATIENCE_S) for _ in sent]
+                self.assertEqual([answer.seq for answer in answers], sent)
+                for answer in answers:
+                    assert isinstance(answer, (Result, Dropped)), answer
+                assert isinstance(answers[-1], Result)
+                self.assertEqual(len(answers[-1].answer.probabilities), 1)
+
+    def test_the_command_streams_a_folder(self) -> None:
+        folder = str(self.frames[0].parent)
+        command = [sys.executable, "-m", "roomsight", folder, "--url", self.url, "--rate", "100"]
+        told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+        self.assertTrue(told.startswith(self.frames[0].name), told)
+
+    def test_an_address_where_nothing_is_is_told(self) -> None:
+        with Client("http://127.0.0.1:1") as client:
+            with self.assertRaises(ConnectionLost):
+                client.recognize(self.frames[0])
+            with self.assertRaises(ConnectionLost):
+                client.stream()
+        with self.assertRaises(ValueError):
+            Client("127.0.0.1:8080")
+
+
+def is_ready(client: Client) -> bool:
+    try:
+        return client.is_ready()
+    except ConnectionLost:
+        return False

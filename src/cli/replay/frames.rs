@@ -1,0 +1,82 @@
+//! The encoded frames that robots send: in memory as far as a bound allows, else read ahead of their time.
+
+use super::schedule::Schedule;
+use crate::dataset::{Frame, Problem};
+use crate::image::Limits;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::sync::mpsc;
+use tokio::task::spawn_blocking;
+
+/// The most bytes of encoded frames that are kept in memory.
+const MAX_KEPT_BYTES: usize = 256 << 20;
+/// How many frames a robot reads ahead.
+const N_AHEAD: usize = 4;
+
+/// A data set's frames.
+pub struct Frames {
+    frames: Vec<Frame>,
+    /// The encoded images, as far as they are kept.
+    kept: Vec<Arc<[u8]>>,
+}
+
+/// A frame that waits for its time.
+pub struct Ready {
+    /// Which frame.
+    pub frame_idx: usize,
+    /// When it is due, counted from the robot's start.
+    pub at: Duration,
+    /// The encoded image, or why it cannot be read.
+    pub image: Result<Arc<[u8]>, Problem>,
+}
+
+impl Frames {
+    /// Reads the first frames into memory, up to the bound or the first that cannot be read.
+    pub fn load(frames: Vec<Frame>) -> Self {
+        let mut n_bytes = 0;
+        let kept = frames
+            .iter()
+            .map_while(|frame| read(frame).ok())
+            .take_while(|image| {
+                n_bytes += image.len();
+                n_bytes <= MAX_KEPT_BYTES
+            })
+            .collect();
+        Self { frames, kept }
+    }
+
+    /// A frame and its labels.
+    pub fn get(&self, frame_idx: usize) -> &Frame {
+        &self.frames[frame_idx]
+    }
+
+    /// Frames in the order of a schedule, a few of them read ahead.
+    pub fn ahead(self: Arc<Self>, schedule: Schedule) -> mpsc::Receiver<Ready> {
+        let (sender, receiver) = mpsc::channel(N_AHEAD);
+        tokio::spawn(async move {
+            for due in schedule {
+                let ready =
+                    Ready { frame_idx: due.frame_idx, at: due.at, image: self.image(due.frame_idx).await };
+                // The robot has stopped.
+                if sender.send(ready).await.is_err() {
+                    break;
+                }
+            }
+        });
+        receiver
+    }
+
+    async fn image(&self, frame_idx: usize) -> Result<Arc<[u8]>, Problem> {
+        if let Some(image) = self.kept.get(frame_idx) {
+            return Ok(image.clone());
+        }
+        let frame = self.frames[frame_idx].clone();
+        let path = frame.path.clone();
+        let reading = spawn_blocking(move || read(&frame)).await;
+        reading.unwrap_or_else(|error| Err(Problem { path, reason: error.to_string() }))
+    }
+}
+
+fn read(frame: &Frame) -> Result<Arc<[u8]>, Problem> {
+    frame.read_encoded(&Limits::default()).map(Arc::from)
+}

@@ -1,0 +1,206 @@
+//! A client of the service: single frames over REST, a robot's frames over a stream.
+//!
+//! ```no_run
+//! # async fn drive(frames: Vec<Vec<u8>>) -> Result<(), roomsight::client::ClientError> {
+//! use roomsight::client::Client;
+//! use roomsight::protocol::stream::{Configure, ServerMessage};
+//!
+//! let client = Client::new("http://127.0.0.1:8080", None)?;
+//! let robot = Configure { robot: Some("wall-e".into()), ..Configure::default() };
+//! let mut stream = client.stream(&robot).await?;
+//! for frame in frames {
+//!     stream.send(frame).await?;
+//!     if let ServerMessage::Result(result) = stream.receive().await? {
+//!         println!("{} ({:.2})", result.answer.room, result.answer.probability);
+//!     }
+//! }
+//! # Ok(()) }
+//! ```
+
+#[cfg(test)]
+pub(crate) mod fake;
+mod stream;
+
+pub use stream::{ResumePoint, Stream, StreamReceiver, StreamSender};
+
+use crate::protocol::rest::{Answer, ModelList, ProblemBody, RecognizeQuery};
+use crate::protocol::stream::Configure;
+use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
+use reqwest::{Response, StatusCode, Url};
+use serde::de::DeserializeOwned;
+use std::time::Duration;
+use tokio_tungstenite::tungstenite;
+
+/// How long to wait for a connection, and for the answer to a call.
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// Why a call or a stream failed.
+#[derive(Debug, thiserror::Error)]
+pub enum ClientError {
+    /// No address that can be called.
+    #[error("{url:?} is no address of a service ({reason}); give one such as http://127.0.0.1:8080")]
+    Url {
+        /// What was given.
+        url: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// A key that no header can carry.
+    #[error("the key has characters that no key has")]
+    Key,
+    /// The service cannot be reached, or the call broke.
+    #[error(transparent)]
+    Call(#[from] reqwest::Error),
+    /// The service has refused the frame or the stream, and says why.
+    #[error("{}: {}", problem.title, problem.detail)]
+    Refused {
+        /// What is wrong.
+        problem: Box<ProblemBody>,
+        /// When to try again, where the service knows.
+        retry_after: Option<Duration>,
+    },
+    /// An answer that the service does not give: something else is at the address, or between.
+    #[error("the address answers {0}, but not as roomsight does")]
+    Foreign(StatusCode),
+    /// The stream cannot be opened, or broke. It may be resumed.
+    #[error("the stream broke: {0}")]
+    Broken(Box<tungstenite::Error>),
+    /// The service did not open the stream in time.
+    #[error("the stream was not opened within {} s", PATIENCE.as_secs())]
+    Late,
+    /// The stream was closed by the service.
+    #[error("the stream was closed with {code} {reason}")]
+    Closed {
+        /// Why: 1001 it stops, 1008 the key's rights, 1009 a message too long, 1013 try again later.
+        code: u16,
+        /// Why, in words.
+        reason: String,
+    },
+    /// A message that this version of the protocol does not have.
+    #[error("a message of the stream cannot be read: {0}")]
+    Message(#[from] serde_json::Error),
+}
+
+/// A service that can be called. Clones share their connections.
+#[derive(Clone, Debug)]
+pub struct Client {
+    http: reqwest::Client,
+    url: Url,
+    /// The value of the header `Authorization`.
+    authorization: Option<HeaderValue>,
+}
+
+impl Client {
+    /// A client of the service at `url`, such as `http://127.0.0.1:8080`, with a key where one is needed.
+    /// Nothing is sent yet.
+    ///
+    /// # Errors
+    /// An address that is no `http://`, a key that no header can carry.
+    pub fn new(url: &str, key: Option<&str>) -> Result<Self, ClientError> {
+        let wrong = |reason: String| ClientError::Url { url: url.to_owned(), reason };
+        let parsed = Url::parse(url.trim_end_matches('/')).map_err(|error| wrong(error.to_string()))?;
+        if parsed.scheme() != "http" {
+            return Err(wrong(format!("{} is not spoken here", parsed.scheme())));
+        }
+        let authorization = key.map(|key| bearer(key).ok_or(ClientError::Key)).transpose()?;
+        let headers: HeaderMap = authorization.iter().map(|value| (AUTHORIZATION, value.clone())).collect();
+        let http =
+            reqwest::Client::builder().timeout(PATIENCE).no_proxy().default_headers(headers).build()?;
+        Ok(Self { http, url: parsed, authorization })
+    }
+
+    /// The room of one encoded image.
+    pub async fn recognize(&self, frame: Vec<u8>, query: &RecognizeQuery) -> Result<Answer, ClientError> {
+        let call = self.http.post(self.endpoint("v1/recognize")).query(query).body(frame);
+        read(call.header(CONTENT_TYPE, "application/octet-stream").send().await?).await
+    }
+
+    /// The models there are.
+    pub async fn models(&self) -> Result<ModelList, ClientError> {
+        read(self.http.get(self.endpoint("v1/models")).send().await?).await
+    }
+
+    /// Whether the service answers frames.
+    ///
+    /// # Errors
+    /// A service that cannot be reached.
+    pub async fn is_ready(&self) -> Result<bool, ClientError> {
+        Ok(self.http.get(self.endpoint("readyz")).send().await?.status().is_success())
+    }
+
+    /// Opens a stream that is configured so from its first frame on.
+    pub async fn stream(&self, configure: &Configure) -> Result<Stream, ClientError> {
+        Stream::open(self, configure).await
+    }
+
+    /// Goes on with a stream whose connection broke: the session, its filter and its settings.
+    /// `hello().resumed` tells whether the service still had it.
+    pub async fn resume(&self, point: &ResumePoint) -> Result<Stream, ClientError> {
+        Stream::resume(self, point).await
+    }
+
+    fn endpoint(&self, path: &str) -> Url {
+        let mut url = self.url.clone();
+        url.set_path(&format!("{}/{path}", self.url.path().trim_end_matches('/')));
+        url
+    }
+}
+
+fn bearer(key: &str) -> Option<HeaderValue> {
+    let mut value = HeaderValue::try_from(format!("Bearer {key}")).ok()?;
+    value.set_sensitive(true);
+    Some(value)
+}
+
+async fn read<T: DeserializeOwned>(response: Response) -> Result<T, ClientError> {
+    let (status, retry_after) = (response.status(), retry_after(response.headers()));
+    let body = response.bytes().await?;
+    if status.is_success() {
+        return serde_json::from_slice(&body).map_err(|_| ClientError::Foreign(status));
+    }
+    Err(refused(status, retry_after, &body))
+}
+
+/// The error in an answer that is no success.
+fn refused(status: StatusCode, retry_after: Option<Duration>, body: &[u8]) -> ClientError {
+    match serde_json::from_slice(body) {
+        Ok(problem) => ClientError::Refused { problem: Box::new(problem), retry_after },
+        Err(_) => ClientError::Foreign(status),
+    }
+}
+
+fn retry_after(headers: &HeaderMap) -> Option<Duration> {
+    headers.get(RETRY_AFTER)?.to_str().ok()?.parse().ok().map(Duration::from_secs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_and_keys_are_checked_before_anything_is_sent() {
+        let refused = |url: &str, key| Client::new(url, key).unwrap_err().to_string();
+        assert!(refused("127.0.0.1:8080", None).contains("http://127.0.0.1:8080"));
+        assert!(refused("https://lab", None).contains("https is not spoken"));
+        assert!(refused("http://lab", Some("a\nb")).contains("key"));
+        let debugged = format!("{:?}", Client::new("http://lab", Some("rs_secret")).unwrap());
+        assert!(!debugged.contains("rs_secret"), "{debugged}");
+    }
+
+    #[test]
+    fn calls_keep_the_path_of_the_address() {
+        let endpoint = |url: &str| Client::new(url, None).unwrap().endpoint("v1/models").as_str().to_owned();
+        assert_eq!(endpoint("http://lab:80"), "http://lab/v1/models");
+        assert_eq!(endpoint("http://lab/rooms/"), "http://lab/rooms/v1/models");
+    }
+
+    #[test]
+    fn what_is_no_problem_of_the_service_is_foreign() {
+        let problem = br#"{"type":"/problems/queue-full","title":"The queue is full","status":429,
+            "detail":"try again","request_id":"7"}"#;
+        let error = refused(StatusCode::TOO_MANY_REQUESTS, Some(Duration::from_secs(2)), problem);
+        assert_eq!(error.to_string(), "The queue is full: try again");
+        let error = refused(StatusCode::BAD_GATEWAY, None, b"<html>");
+        assert!(matches!(error, ClientError::Foreign(StatusCode::BAD_GATEWAY)));
+    }
+}
