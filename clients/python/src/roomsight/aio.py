@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
 from types import TracebackType
 from typing import Any, Optional, Union
 
@@ -105,19 +106,23 @@ class AsyncClient:
             raise calls.lost(error) from error
 
     async def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> AsyncStream:
-        try:
-            socket = await connect(
-                messages.stream_url(self._url, query),
-                subprotocols=[Subprotocol(messages.SUBPROTOCOL)],
-                additional_headers=self._headers,
-                # Images are compressed already.
-                compression=None,
-                open_timeout=PATIENCE_S,
-            )
-            hello = calls.read_hello(await asyncio.wait_for(socket.recv(), PATIENCE_S))
-        except (WebSocketException, OSError, asyncio.TimeoutError) as error:
-            raise calls.lost(error) from error
-        return AsyncStream(socket, hello, point)
+        # What was opened is closed again where the stream does not begin as it should.
+        async with AsyncExitStack() as opened:
+            try:
+                socket = await opened.enter_async_context(
+                    connect(
+                        messages.stream_url(self._url, query),
+                        subprotocols=[Subprotocol(messages.SUBPROTOCOL)],
+                        additional_headers=self._headers,
+                        # Images are compressed already.
+                        compression=None,
+                        open_timeout=PATIENCE_S,
+                    )
+                )
+                hello = calls.read_hello(await asyncio.wait_for(socket.recv(), PATIENCE_S))
+            except (WebSocketException, OSError, asyncio.TimeoutError) as error:
+                raise calls.lost(error) from error
+            return AsyncStream(socket, opened.pop_all(), Position(hello, point), hello)
 
 
 class AsyncStream:
@@ -126,10 +131,13 @@ class AsyncStream:
     One task may send while another receives.
     """
 
-    def __init__(self, socket: ClientConnection, hello: Hello, resumed_from: Optional[ResumePoint]) -> None:
+    def __init__(
+        self, socket: ClientConnection, opened: AsyncExitStack, position: Position, hello: Hello
+    ) -> None:
         self.hello = hello
         self._socket = socket
-        self._position = Position(hello, resumed_from)
+        self._opened = opened
+        self._position = position
 
     @property
     def point(self) -> ResumePoint:
@@ -189,7 +197,7 @@ class AsyncStream:
 
     async def close(self) -> None:
         """Ends the stream."""
-        await self._socket.close()
+        await self._opened.aclose()
 
     async def __aenter__(self) -> AsyncStream:
         return self

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Any, Optional, Union
 
@@ -104,19 +105,23 @@ class Client:
             raise calls.lost(error) from error
 
     def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> Stream:
-        try:
-            socket = connect(
-                messages.stream_url(self._url, query),
-                subprotocols=[Subprotocol(messages.SUBPROTOCOL)],
-                additional_headers=self._headers,
-                # Images are compressed already.
-                compression=None,
-                open_timeout=PATIENCE_S,
-            )
-            hello = calls.read_hello(socket.recv(PATIENCE_S))
-        except (WebSocketException, OSError) as error:
-            raise calls.lost(error) from error
-        return Stream(socket, hello, point)
+        # What was opened is closed again where the stream does not begin as it should.
+        with ExitStack() as opened:
+            try:
+                socket = opened.enter_context(
+                    connect(
+                        messages.stream_url(self._url, query),
+                        subprotocols=[Subprotocol(messages.SUBPROTOCOL)],
+                        additional_headers=self._headers,
+                        # Images are compressed already.
+                        compression=None,
+                        open_timeout=PATIENCE_S,
+                    )
+                )
+                hello = calls.read_hello(socket.recv(PATIENCE_S))
+            except (WebSocketException, OSError) as error:
+                raise calls.lost(error) from error
+            return Stream(socket, opened.pop_all(), Position(hello, point), hello)
 
 
 class Stream:
@@ -125,10 +130,13 @@ class Stream:
     One thread may send while another receives.
     """
 
-    def __init__(self, socket: ClientConnection, hello: Hello, resumed_from: Optional[ResumePoint]) -> None:
+    def __init__(
+        self, socket: ClientConnection, opened: ExitStack, position: Position, hello: Hello
+    ) -> None:
         self.hello = hello
         self._socket = socket
-        self._position = Position(hello, resumed_from)
+        self._opened = opened
+        self._position = position
 
     @property
     def point(self) -> ResumePoint:
@@ -188,7 +196,7 @@ class Stream:
 
     def close(self) -> None:
         """Ends the stream."""
-        self._socket.close()
+        self._opened.close()
 
     def __enter__(self) -> Stream:
         return self
