@@ -235,7 +235,7 @@ pub struct StreamResult {
     /// What the frames so far say together, where there is a filter.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub filtered: Option<Filtered>,
-    /// From capture to answer, where the frame was dated; clocks that differ show here.
+    /// From capture to answer, where the frame was dated; negative where the robot's clock is ahead.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub age_ms: Option<f64>,
 }

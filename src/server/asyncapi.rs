@@ -86,7 +86,9 @@ pub fn stream_document() -> Value {
             "description": format!(
                 "The subprotocol is `{SUBPROTOCOL}`. Where keys are asked for: the header \
                  `Authorization: Bearer KEY`, or a second subprotocol `{KEY_SUBPROTOCOL_PREFIX}KEY`. The query \
-                 takes what `configure` takes, and `session` and `last_seq` to resume."
+                 takes what `configure` takes, and `session` and `last_seq` to resume. In the mode `lossless` \
+                 nothing is read beyond `limits.window` frames without an answer: a client that keeps to it \
+                 has its own pings answered in time."
             ),
             "messages": {
                 "frame": {
