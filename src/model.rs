@@ -3,16 +3,19 @@
 //! Lu et al., "Robust place recognition based on omnidirectional vision and real-time local visual
 //! features for mobile robots": detect, describe, count words, classify.
 
+mod add;
 mod arrays;
 mod card;
 mod config;
 mod features;
 mod folder;
 mod format;
+mod held_out;
 mod machines;
 mod train;
 
-pub use card::{Card, Measurement};
+pub use add::AddError;
+pub use card::{Addition, Card, Measurement};
 pub use config::{CalibrationConfig, Classifier, Config, Representation, Sigmoids};
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{GoldenFrame, LoadError, LoadedModel, SaveError, load_golden_frames};
@@ -23,6 +26,7 @@ use crate::camera::Camera;
 use crate::image::Image;
 use crate::svm::{Calibration, LinearSvm, Scheme, most_probable};
 use crate::vocabulary::Vocabulary;
+use held_out::HeldOutDecisions;
 use machines::Machines;
 
 /// The answer for one frame.
@@ -65,6 +69,8 @@ pub struct Model {
     places: Vec<String>,
     extractor: Extractor,
     classification: Classification,
+    /// What the calibration rests on, of models that training can go on from.
+    held_out: Option<HeldOutDecisions>,
     card: Card,
 }
 

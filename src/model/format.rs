@@ -6,6 +6,7 @@
 //! | `svm.weights`, `svm.rho` | f32, machines x words, machines; of a linear SVM |
 //! | `svm.n_support_vectors` | u32, machines; of a linear SVM |
 //! | `kernel.support_vectors` | f32, support vectors x words; of a kernel SVM |
+//! | `kernel.labels` | u32, support vectors: the room of each; not in files of older versions |
 //! | `kernel.parameters` | f64, gamma and coef0 as far as the kernel has them |
 //! | `match.descriptors` | f32, descriptors x dimensions, of the support frames of a match SVM |
 //! | `match.n_descriptors` | u32, support frames |
@@ -13,9 +14,11 @@
 //! | `boost.n_stumps` | u32, rooms |
 //! | `boost.features`, `boost.thresholds`, `boost.weights` | u32, f32, f32, stumps |
 //! | `calibration.slopes`, `calibration.offsets` | f32, machines |
+//! | `held_out.values`, `held_out.labels` | f32, frames x machines, u32, frames: held-out decision values and the room shown; of a kernel SVM, not in files of older versions |
 //! | `camera.mask` | u8, height x width; only with a mask |
 
 use super::arrays::{self, Array, require};
+use super::held_out::HeldOutDecisions;
 use super::machines::Machines;
 use super::{Card, Classification, Config, Extractor, Model};
 use crate::camera::{Camera, Mask, Projection};
@@ -86,6 +89,7 @@ impl Model {
         let mut arrays = machines.to_arrays();
         arrays.push(Array::vector("calibration.slopes", calibration.slopes()));
         arrays.push(Array::vector("calibration.offsets", calibration.offsets()));
+        arrays.extend(self.held_out.iter().flat_map(HeldOutDecisions::to_arrays));
         if let Some(mask) = &self.camera().mask {
             arrays.push(Array::picture("camera.mask", mask.picture()));
         }
@@ -128,12 +132,15 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     let offsets = arrays::read_vector(file, "calibration.offsets")?;
     let calibration = Calibration::from_parts(config.classifier.scheme(), places.len(), slopes, offsets)
         .map_err(|error| FormatError::Damaged(error.to_string()))?;
+    let scheme = config.classifier.scheme();
+    let held_out = HeldOutDecisions::from_arrays((scheme.n_machines(places.len()), places.len()), file)?;
     let mask = arrays::read_picture(file, "camera.mask")?.map(Mask::new);
     let camera = Camera { projection: camera, mask };
     Ok(Model {
         places,
         extractor: Extractor::new(&config, camera),
         classification: Classification { machines, calibration, known_probability },
+        held_out,
         config,
         card,
     })

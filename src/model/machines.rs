@@ -5,7 +5,7 @@ use super::format::FormatError;
 use super::{Classifier, Config, Representation, TrainError};
 use crate::boost::{Boost, Stump};
 use crate::matrix::Matrix;
-use crate::svm::{DualSvm, KernelFunction, KernelSvm, LinearSvm, MatchSvm, Scheme};
+use crate::svm::{DualSvm, IncrementalSvm, KernelFunction, KernelSvm, LinearSvm, MatchSvm, Scheme};
 use crate::vocabulary::Vocabulary;
 use rayon::prelude::*;
 use safetensors::SafeTensors;
@@ -14,7 +14,9 @@ use safetensors::SafeTensors;
 #[derive(Clone, Debug)]
 pub(super) enum Machines {
     Linear(Vocabulary, LinearSvm),
-    Kernel(Vocabulary, KernelSvm),
+    /// With the class of each support vector, without which training cannot go on; empty where a file does
+    /// not hold it.
+    Kernel(Vocabulary, KernelSvm, Vec<usize>),
     Boost(Vocabulary, Boost),
     /// Sees the descriptors themselves.
     Match(MatchSvm),
@@ -34,18 +36,16 @@ impl Machines {
             return Ok(Self::Match(MatchSvm::train(frames, labels, n_classes, config)?));
         };
         let vocabulary = Vocabulary::train(frames, bag, config.seed)?;
-        let bags: Vec<Vec<f32>> =
-            frames.par_iter().map(|descriptors| vocabulary.bag_of(descriptors)).collect();
-        let mut rows = Matrix::new(vocabulary.n_words());
-        bags.iter().for_each(|bag| rows.push_row(bag));
+        let rows = bags(&vocabulary, frames);
         match &config.classifier {
             Classifier::LinearSvm(config) => {
                 let svm = LinearSvm::train(&rows, labels, n_classes, config)?;
                 Ok(Self::Linear(vocabulary, svm))
             }
             Classifier::KernelSvm(config) => {
-                let svm = KernelSvm::train(&rows, labels, n_classes, config)?;
-                Ok(Self::Kernel(vocabulary, svm))
+                let svm = IncrementalSvm::train(&rows, labels, n_classes, config)?;
+                let (svm, support_labels) = svm.into_parts();
+                Ok(Self::Kernel(vocabulary, svm, support_labels))
             }
             Classifier::Boost(config) => {
                 let boost = Boost::train(&rows, labels, n_classes, config)?;
@@ -59,7 +59,7 @@ impl Machines {
     pub(super) fn decision_values(&self, descriptors: &Matrix) -> Vec<f32> {
         match self {
             Self::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.bag_of(descriptors)),
-            Self::Kernel(vocabulary, svm) => svm.decision_values(&vocabulary.bag_of(descriptors)),
+            Self::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.bag_of(descriptors)),
             Self::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.bag_of(descriptors)),
             Self::Match(svm) => svm.decision_values(descriptors),
         }
@@ -68,7 +68,7 @@ impl Machines {
     pub(super) fn n_classes(&self) -> usize {
         match self {
             Self::Linear(_, svm) => svm.n_classes(),
-            Self::Kernel(_, svm) => svm.machines().n_classes(),
+            Self::Kernel(_, svm, _) => svm.machines().n_classes(),
             Self::Boost(_, boost) => boost.n_classes(),
             Self::Match(svm) => svm.machines().n_classes(),
         }
@@ -77,7 +77,7 @@ impl Machines {
     /// `None` for machines that see no words.
     pub(super) fn vocabulary(&self) -> Option<&Vocabulary> {
         match self {
-            Self::Linear(vocabulary, _) | Self::Kernel(vocabulary, _) | Self::Boost(vocabulary, _) => {
+            Self::Linear(vocabulary, _) | Self::Kernel(vocabulary, ..) | Self::Boost(vocabulary, _) => {
                 Some(vocabulary)
             }
             Self::Match(_) => None,
@@ -92,7 +92,7 @@ impl Machines {
         };
         match self {
             Self::Linear(_, svm) => svm.n_support_vectors().to_vec(),
-            Self::Kernel(_, svm) => of_dual(svm.machines()),
+            Self::Kernel(_, svm, _) => of_dual(svm.machines()),
             Self::Boost(..) => Vec::new(),
             Self::Match(svm) => of_dual(svm.machines()),
         }
@@ -110,7 +110,10 @@ impl Machines {
                 arrays.push(Array::vector("svm.rho", svm.rho()));
                 arrays.push(Array::counts("svm.n_support_vectors", svm.n_support_vectors().iter().copied()));
             }
-            Self::Kernel(_, svm) => {
+            Self::Kernel(_, svm, support_labels) => {
+                if !support_labels.is_empty() {
+                    arrays.push(Array::counts("kernel.labels", support_labels.iter().copied()));
+                }
                 arrays.push(Array::matrix("kernel.support_vectors", svm.support_vectors()));
                 arrays.push(Array::doubles("kernel.parameters", &parameters(svm.kernel())));
                 push_dual(&mut arrays, svm.machines());
@@ -176,8 +179,12 @@ impl Machines {
                 let kernel =
                     with_parameters(config.kernel, &arrays::read_doubles(file, "kernel.parameters")?)?;
                 let machines = read_dual(config.machines.scheme, n_places, file)?;
+                let labels = arrays::read_counts_if_any(file, "kernel.labels")?;
+                let fit = labels.is_empty() || labels.len() == support_vectors.n_rows();
+                require(fit, "its support vectors and their rooms are not as many")?;
+                require(labels.iter().all(|&label| label < n_places), "a support vector is of no room")?;
                 let svm = KernelSvm::from_parts(kernel, support_vectors, machines);
-                svm.map(|svm| Self::Kernel(vocabulary, svm)).map_err(|error| damaged(&error))
+                svm.map(|svm| Self::Kernel(vocabulary, svm, labels)).map_err(|error| damaged(&error))
             }
             Classifier::Boost(_) => {
                 let ensembles = read_ensembles(file)?;
@@ -188,6 +195,14 @@ impl Machines {
             Classifier::MatchSvm(_) => Err(damaged(&mismatch())),
         }
     }
+}
+
+/// The bag of each frame: one row a frame.
+pub(super) fn bags(vocabulary: &Vocabulary, frames: &[&Matrix]) -> Matrix {
+    let bags: Vec<Vec<f32>> = frames.par_iter().map(|descriptors| vocabulary.bag_of(descriptors)).collect();
+    let mut rows = Matrix::new(vocabulary.n_words());
+    bags.iter().for_each(|bag| rows.push_row(bag));
+    rows
 }
 
 /// What [`Config::check`] has refused before.

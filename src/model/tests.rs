@@ -6,7 +6,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Random frames of three rooms: vertical stripes, horizontal stripes, dots, with noise.
-fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
+pub(super) fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
     let (width, height) = (96, 72);
     let (shift_x, shift_y) = (random.random_range(0..24), random.random_range(0..24));
     let pixels = (0..width * height).map(|idx| {
@@ -21,12 +21,12 @@ fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
     Image::from_pixels(width, height, pixels.collect()).unwrap()
 }
 
-fn config() -> Config {
+pub(super) fn config() -> Config {
     let bag = vocabulary::Config { n_words: 40, ..vocabulary::Config::default() };
     Config { representation: Representation::Bag(bag), ..Config::default() }
 }
 
-fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample> {
+pub(super) fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let extractor = Extractor::new(config, Camera::new(Projection::Perspective));
     (0..n_frames)

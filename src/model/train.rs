@@ -1,12 +1,13 @@
 //! Labeled frames to a model.
 
+use super::held_out::{self, HeldOutDecisions, spread_out};
 use super::machines::Machines;
-use super::{Card, Classification, Config, Extractor, Features, Model, Recognition, Sigmoids};
+use super::{Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition};
 use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::folds::{folds, spread_single_fold_labels};
 use crate::matrix::Matrix;
-use crate::svm::{self, Calibration, Scheme, SvmError};
+use crate::svm::{self, Calibration, SvmError};
 use crate::vocabulary::VocabularyError;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -107,7 +108,8 @@ impl Model {
         progress(TrainingStep { n_done: n_folds, n_steps });
 
         let machines = trainer.fit(&(0..samples.len()).collect::<Vec<_>>())?.machines;
-        let calibration = trainer.calibrate(decisions.iter())?;
+        let gathered = trainer.gathered(decisions.iter());
+        let calibration = trainer.calibrate(&gathered)?;
         let known_probability = trainer.known_probability(&held_out);
         let classification = Classification { machines, calibration, known_probability };
         let held_out = held_out.into_iter().map(|mut answer| {
@@ -120,6 +122,7 @@ impl Model {
             places,
             extractor: Extractor::new(config, camera),
             classification,
+            held_out: matches!(config.classifier, Classifier::KernelSvm(_)).then(|| gathered.thinned()),
             card: Card::default(),
         };
         progress(TrainingStep { n_done: n_steps, n_steps });
@@ -179,30 +182,21 @@ impl Trainer<'_> {
         let scheme = self.config.classifier.scheme();
         let decide = |&sample_idx: &usize| {
             let values = fitted.machines.decision_values(&self.samples[sample_idx].features.descriptors);
-            Decision { sample_idx, values: fitted.spread_out(scheme, self.n_places, &values) }
+            let values = spread_out(scheme, &fitted.present, self.n_places, &values);
+            Decision { sample_idx, values }
         };
         Ok(held_out.par_iter().map(decide).collect())
     }
 
-    fn calibrate<'d>(
-        &self,
-        decisions: impl Iterator<Item = &'d Decision>,
-    ) -> Result<Calibration, TrainError> {
-        let scheme = self.config.classifier.scheme();
-        let mut values = Matrix::new(scheme.n_machines(self.n_places));
-        let mut labels = Vec::new();
-        for decision in decisions {
-            values.push_row(&decision.values);
-            labels.push(self.labels[decision.sample_idx]);
-        }
-        if labels.is_empty() {
-            return Err(TrainError::NothingHeldOut);
-        }
-        let fit = match self.config.calibration.sigmoids {
-            Sigmoids::PerMachine => Calibration::fit,
-            Sigmoids::Shared => Calibration::fit_shared,
-        };
-        Ok(fit(scheme, &values, &labels, self.n_places)?)
+    fn gathered<'d>(&self, decisions: impl Iterator<Item = &'d Decision>) -> HeldOutDecisions {
+        let mut gathered = HeldOutDecisions::new(self.config.classifier.scheme().n_machines(self.n_places));
+        decisions.for_each(|decision| gathered.push(&decision.values, self.labels[decision.sample_idx]));
+        gathered
+    }
+
+    fn calibrate(&self, gathered: &HeldOutDecisions) -> Result<Calibration, TrainError> {
+        let sigmoids = self.config.calibration.sigmoids;
+        gathered.calibration(self.config.classifier.scheme(), self.n_places, sigmoids)
     }
 
     /// Each fold's answers, calibrated on the other folds; on all where there is only one.
@@ -216,7 +210,7 @@ impl Trainer<'_> {
         let mut held_out = Vec::with_capacity(decisions.len());
         for &fold in &answered {
             let others = |decision: &&Decision| fold_of(decision) != fold || answered.len() == 1;
-            let calibration = self.calibrate(decisions.iter().filter(others))?;
+            let calibration = self.calibrate(&self.gathered(decisions.iter().filter(others)))?;
             for decision in decisions.iter().filter(|decision| fold_of(decision) == fold) {
                 let probabilities = calibration.probabilities(&decision.values);
                 let place_idx = svm::most_probable(&probabilities);
@@ -229,25 +223,12 @@ impl Trainer<'_> {
         Ok(held_out)
     }
 
-    /// The lowest probability from which on held-out answers were right often enough; 1 when there is none.
     fn known_probability(&self, held_out: &[HeldOut]) -> f32 {
-        let mut answers: Vec<(f32, bool)> = held_out
-            .iter()
-            .map(|answer| {
-                let correct = answer.recognition.place_idx == self.labels[answer.sample_idx];
-                (answer.recognition.probability(), correct)
-            })
-            .collect();
-        answers.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut n_correct = 0;
-        let mut lowest = 1.0;
-        for (rank, &(probability, correct)) in answers.iter().enumerate() {
-            n_correct += usize::from(correct);
-            if n_correct as f32 >= self.config.calibration.known_precision * (rank + 1) as f32 {
-                lowest = probability;
-            }
-        }
-        lowest
+        let is_right = |answer: &HeldOut| {
+            let is_right = answer.recognition.place_idx == self.labels[answer.sample_idx];
+            (answer.recognition.probability(), is_right)
+        };
+        held_out::known_probability(held_out.iter().map(is_right).collect(), &self.config.calibration)
     }
 }
 
@@ -256,28 +237,4 @@ struct Fitted {
     machines: Machines,
     /// Sorted.
     present: Vec<usize>,
-}
-
-impl Fitted {
-    /// The decision values among all classes. The machine of a class that was not trained says a clear no (-1);
-    /// a machine for a pair with such a class is undecided (0).
-    fn spread_out(&self, scheme: Scheme, n_classes: usize, values: &[f32]) -> Vec<f32> {
-        let trained = |class: usize| self.present.binary_search(&class).ok();
-        match scheme {
-            Scheme::OneVsAll => {
-                (0..n_classes).map(|class| trained(class).map_or(-1.0, |machine| values[machine])).collect()
-            }
-            Scheme::OneVsOne => {
-                let n_present = self.present.len();
-                let machine = |a: usize, b: usize| a * (2 * n_present - a - 1) / 2 + b - a - 1;
-                (0..n_classes)
-                    .flat_map(|a| (a + 1..n_classes).map(move |b| (a, b)))
-                    .map(|(a, b)| match (trained(a), trained(b)) {
-                        (Some(a), Some(b)) => values[machine(a, b)],
-                        _ => 0.0,
-                    })
-                    .collect()
-            }
-        }
-    }
 }
