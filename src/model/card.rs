@@ -30,10 +30,14 @@ pub struct Addition {
     pub sequence: String,
     /// The number of its frames.
     pub n_frames: usize,
-    /// Support vectors so near to what the others span were dropped; see [`super::Model::add`].
+    /// The share at which support vectors were dropped; see [`super::Model::add`].
     pub forget: f64,
-    /// The support vectors that were left.
-    pub n_support_vectors: usize,
+    /// The number of support vectors before.
+    pub n_before: usize,
+    /// The number of support vectors when the sequence was learned and none dropped yet.
+    pub n_learned: usize,
+    /// The number of support vectors that were left.
+    pub n_left: usize,
 }
 
 /// A rate of correct answers.

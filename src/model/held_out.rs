@@ -4,7 +4,7 @@ use super::arrays::{self, Array, require};
 use super::format::FormatError;
 use super::{CalibrationConfig, Sigmoids, TrainError};
 use crate::matrix::Matrix;
-use crate::svm::{Calibration, Scheme};
+use crate::svm::{Calibration, Scheme, most_probable};
 use safetensors::SafeTensors;
 
 /// The most frames that a model file keeps: a few hundred KiB for a dozen rooms.
@@ -31,7 +31,7 @@ impl HeldOutDecisions {
     }
 
     /// The decision values and the room of each frame.
-    pub(super) fn frames(&self) -> impl Iterator<Item = (&[f32], usize)> {
+    fn frames(&self) -> impl Iterator<Item = (&[f32], usize)> {
         self.values.rows().zip(self.labels.iter().copied())
     }
 
@@ -52,6 +52,25 @@ impl HeldOutDecisions {
         Ok(fit(scheme, &self.values, &self.labels, n_places)?)
     }
 
+    /// The lowest probability from which on answers were right often enough.
+    pub(super) fn known_probability(&self, calibration: &Calibration, config: &CalibrationConfig) -> f32 {
+        let answer = |(values, label)| {
+            let probabilities = calibration.probabilities(values);
+            let place_idx = most_probable(&probabilities);
+            (probabilities[place_idx], place_idx == label)
+        };
+        known_probability(self.frames().map(answer).collect(), config)
+    }
+
+    /// The same among `n_places` rooms, where room i of before is the room `of_earlier[i]` (ascending).
+    pub(super) fn renumbered(&self, scheme: Scheme, of_earlier: &[usize], n_places: usize) -> Self {
+        let mut renumbered = Self::new(scheme.n_machines(n_places));
+        for (values, label) in self.frames() {
+            renumbered.push(&spread_out(scheme, of_earlier, n_places, values), of_earlier[label]);
+        }
+        renumbered
+    }
+
     /// At most [`MAX_KEPT`] of the frames. Every other one goes as often as needed, so that all drives are
     /// still heard, earlier ones with fewer frames.
     pub(super) fn thinned(mut self) -> Self {
@@ -68,7 +87,7 @@ impl HeldOutDecisions {
         [Array::matrix("held_out.values", &self.values), labels]
     }
 
-    /// `None` where the file holds none; else held_out of unknown origin that fits so many machines and rooms.
+    /// `None` where the file holds none; else frames of unknown origin that fit so many machines and rooms.
     pub(super) fn from_arrays(
         (n_machines, n_places): (usize, usize),
         file: &SafeTensors,
@@ -79,8 +98,14 @@ impl HeldOutDecisions {
         let values = arrays::read_matrix(file, "held_out.values")?;
         let labels = arrays::read_counts(file, "held_out.labels")?;
         require(values.n_cols() == n_machines, "its held-out frames are of other machines")?;
-        require(values.n_rows() == labels.len(), "its held-out frames have other numbers of frames and rooms")?;
-        require(values.as_slice().iter().all(|value| value.is_finite()), "its held-out frames are not finite")?;
+        require(
+            values.n_rows() == labels.len(),
+            "its held-out frames have other numbers of frames and rooms",
+        )?;
+        require(
+            values.as_slice().iter().all(|value| value.is_finite()),
+            "its held-out frames are not finite",
+        )?;
         require(labels.iter().all(|&label| label < n_places), "its held-out frames are of no room")?;
         Ok(Some(Self { values, labels }))
     }

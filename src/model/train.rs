@@ -1,12 +1,12 @@
 //! Labeled frames to a model.
 
+use super::cue::{Opinion, Sight, pooled};
 use super::held_out::{self, HeldOutDecisions, spread_out};
 use super::machines::Machines;
 use super::{Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition};
 use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::folds::{folds, spread_single_fold_labels};
-use crate::matrix::Matrix;
 use crate::svm::{self, Calibration, SvmError};
 use crate::vocabulary::VocabularyError;
 use rayon::prelude::*;
@@ -108,10 +108,14 @@ impl Model {
         progress(TrainingStep { n_done: n_folds, n_steps });
 
         let machines = trainer.fit(&(0..samples.len()).collect::<Vec<_>>())?.machines;
-        let gathered = trainer.gathered(decisions.iter());
-        let calibration = trainer.calibrate(&gathered)?;
+        let calibrations = trainer.calibrate(decisions.iter())?;
+        let weights = config.sights().map(|sight| config.weight(sight));
+        let opinions = machines.into_iter().zip(calibrations).zip(weights);
+        let opinions = opinions
+            .map(|((machines, calibration), weight)| Opinion { machines, calibration, weight })
+            .collect();
         let known_probability = trainer.known_probability(&held_out);
-        let classification = Classification { machines, calibration, known_probability };
+        let classification = Classification { opinions, known_probability };
         let held_out = held_out.into_iter().map(|mut answer| {
             answer.recognition.known = answer.recognition.probability() >= known_probability;
             answer
@@ -122,7 +126,8 @@ impl Model {
             places,
             extractor: Extractor::new(config, camera),
             classification,
-            held_out: matches!(config.classifier, Classifier::KernelSvm(_)).then(|| gathered.thinned()),
+            held_out: matches!(config.classifier, Classifier::KernelSvm(_))
+                .then(|| trainer.gathered(0, decisions.iter()).thinned()),
             card: Card::default(),
         };
         progress(TrainingStep { n_done: n_steps, n_steps });
@@ -138,10 +143,10 @@ struct Trainer<'a> {
     config: &'a Config,
 }
 
-/// The decision values for a sample by machines trained without its fold.
+/// The decision values for a sample by machines trained without its fold: a list for each sight.
 struct Decision {
     sample_idx: usize,
-    values: Vec<f32>,
+    values: Vec<Vec<f32>>,
 }
 
 impl Trainer<'_> {
@@ -159,9 +164,9 @@ impl Trainer<'_> {
         let present: Vec<usize> = labels.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
         let dense: Vec<usize> =
             labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
-        let frames: Vec<&Matrix> =
-            sample_idxs.iter().map(|&idx| &self.samples[idx].features.descriptors).collect();
-        let machines = Machines::train(&frames, &dense, present.len(), self.config)?;
+        let frames: Vec<&Features> = sample_idxs.iter().map(|&idx| &self.samples[idx].features).collect();
+        let train = |sight| Machines::train(sight, &frames, (&dense, present.len()), self.config);
+        let machines = self.config.sights().map(train).collect::<Result<_, _>>()?;
         Ok(Fitted { machines, present })
     }
 
@@ -179,24 +184,45 @@ impl Trainer<'_> {
             return Ok(Vec::new());
         }
         let fitted = self.fit(&training)?;
-        let scheme = self.config.classifier.scheme();
         let decide = |&sample_idx: &usize| {
-            let values = fitted.machines.decision_values(&self.samples[sample_idx].features.descriptors);
-            let values = spread_out(scheme, &fitted.present, self.n_places, &values);
-            Decision { sample_idx, values }
+            let features = &self.samples[sample_idx].features;
+            let by = |(machines, sight): (&Machines, Sight)| {
+                let values = machines.decision_values(features);
+                spread_out(self.config.scheme(sight), &fitted.present, self.n_places, &values)
+            };
+            Decision {
+                sample_idx,
+                values: fitted.machines.iter().zip(self.config.sights()).map(by).collect(),
+            }
         };
         Ok(held_out.par_iter().map(decide).collect())
     }
 
-    fn gathered<'d>(&self, decisions: impl Iterator<Item = &'d Decision>) -> HeldOutDecisions {
-        let mut gathered = HeldOutDecisions::new(self.config.classifier.scheme().n_machines(self.n_places));
-        decisions.for_each(|decision| gathered.push(&decision.values, self.labels[decision.sample_idx]));
+    /// The decisions of one sight.
+    fn gathered<'d>(
+        &self,
+        sight_idx: usize,
+        decisions: impl Iterator<Item = &'d Decision>,
+    ) -> HeldOutDecisions {
+        let mut decisions = decisions.peekable();
+        let n_machines = decisions.peek().map_or(0, |decision| decision.values[sight_idx].len());
+        let mut gathered = HeldOutDecisions::new(n_machines);
+        decisions.for_each(|decision| {
+            gathered.push(&decision.values[sight_idx], self.labels[decision.sample_idx]);
+        });
         gathered
     }
 
-    fn calibrate(&self, gathered: &HeldOutDecisions) -> Result<Calibration, TrainError> {
-        let sigmoids = self.config.calibration.sigmoids;
-        gathered.calibration(self.config.classifier.scheme(), self.n_places, sigmoids)
+    /// One calibration a sight.
+    fn calibrate<'d>(
+        &self,
+        decisions: impl Iterator<Item = &'d Decision> + Clone,
+    ) -> Result<Vec<Calibration>, TrainError> {
+        let calibrate = |(sight_idx, sight)| {
+            let gathered = self.gathered(sight_idx, decisions.clone());
+            gathered.calibration(self.config.scheme(sight), self.n_places, self.config.calibration.sigmoids)
+        };
+        self.config.sights().enumerate().map(calibrate).collect()
     }
 
     /// Each fold's answers, calibrated on the other folds; on all where there is only one.
@@ -210,9 +236,12 @@ impl Trainer<'_> {
         let mut held_out = Vec::with_capacity(decisions.len());
         for &fold in &answered {
             let others = |decision: &&Decision| fold_of(decision) != fold || answered.len() == 1;
-            let calibration = self.calibrate(&self.gathered(decisions.iter().filter(others)))?;
+            let calibrations = self.calibrate(decisions.iter().filter(others))?;
             for decision in decisions.iter().filter(|decision| fold_of(decision) == fold) {
-                let probabilities = calibration.probabilities(&decision.values);
+                let of_sights = self.config.sights().zip(calibrations.iter().zip(&decision.values));
+                let probabilities = pooled(of_sights.map(|(sight, (calibration, values))| {
+                    (self.config.weight(sight), calibration.probabilities(values))
+                }));
                 let place_idx = svm::most_probable(&probabilities);
                 let n_keypoints = self.samples[decision.sample_idx].features.keypoints.len();
                 let recognition = Recognition { place_idx, known: false, probabilities, n_keypoints };
@@ -234,7 +263,8 @@ impl Trainer<'_> {
 
 /// Machines, and the classes that they were trained on.
 struct Fitted {
-    machines: Machines,
+    /// One for each sight.
+    machines: Vec<Machines>,
     /// Sorted.
     present: Vec<usize>,
 }

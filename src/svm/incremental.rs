@@ -65,11 +65,11 @@ impl IncrementalSvm {
     }
 
     /// Drops support vectors whose squared distance in feature space from the span of the others is at most
-    /// `threshold`. A decision value at x changes by at most sqrt(threshold k(x, x)) times the sum of the
-    /// dropped coefficients of its machine; at threshold 0, but for rounding, not at all.
+    /// `threshold` times the largest k(s, s) of a support vector s. With r that product, a decision value at x
+    /// changes by at most sqrt(r k(x, x)) times the sum of the dropped coefficients of its machine; at
+    /// threshold 0, but for rounding, not at all.
     ///
-    /// A threshold near k(x, x) may drop whole classes; [`IncrementalSvm::updated`] then needs new rows of
-    /// them.
+    /// A threshold near 1 may drop whole classes; [`IncrementalSvm::updated`] then needs new rows of them.
     ///
     /// # Errors
     /// A threshold that is negative, not finite, or so large that no support vector is left.
@@ -119,7 +119,7 @@ struct Basis {
 impl Basis {
     fn choose(vectors: &Matrix, kernel: KernelFunction, threshold: f64) -> Self {
         let mut distances: Vec<f64> = vectors.rows().map(|row| kernel.exact_value(row, row)).collect();
-        let limit = threshold.max(ROUNDING * distances.iter().copied().fold(0.0, f64::max));
+        let limit = threshold.max(ROUNDING) * distances.iter().copied().fold(0.0, f64::max);
         let mut basis = Self { chosen: Vec::new(), columns: Vec::new() };
         // At most as many rounds as vectors: the distance of a chosen one is set to zero.
         while let Some((pivot_idx, &distance)) =
