@@ -108,7 +108,8 @@ impl Model {
         progress(TrainingStep { n_done: n_folds, n_steps });
 
         let machines = trainer.fit(&(0..samples.len()).collect::<Vec<_>>())?.machines;
-        let calibrations = trainer.calibrate(decisions.iter())?;
+        let decisions: Vec<&Decision> = decisions.iter().collect();
+        let calibrations = trainer.calibrate(&decisions)?;
         let weights = config.sights().map(|sight| config.weight(sight));
         let opinions = machines.into_iter().zip(calibrations).zip(weights);
         let opinions = opinions
@@ -127,7 +128,7 @@ impl Model {
             extractor: Extractor::new(config, camera),
             classification,
             held_out: matches!(config.classifier, Classifier::KernelSvm(_))
-                .then(|| trainer.gathered(0, decisions.iter()).thinned()),
+                .then(|| trainer.gathered((0, Sight::Keypoints), &decisions).thinned()),
             card: Card::default(),
         };
         progress(TrainingStep { n_done: n_steps, n_steps });
@@ -199,27 +200,18 @@ impl Trainer<'_> {
     }
 
     /// The decisions of one sight.
-    fn gathered<'d>(
-        &self,
-        sight_idx: usize,
-        decisions: impl Iterator<Item = &'d Decision>,
-    ) -> HeldOutDecisions {
-        let mut decisions = decisions.peekable();
-        let n_machines = decisions.peek().map_or(0, |decision| decision.values[sight_idx].len());
-        let mut gathered = HeldOutDecisions::new(n_machines);
-        decisions.for_each(|decision| {
+    fn gathered(&self, (sight_idx, sight): (usize, Sight), decisions: &[&Decision]) -> HeldOutDecisions {
+        let mut gathered = HeldOutDecisions::new(self.config.scheme(sight).n_machines(self.n_places));
+        for decision in decisions {
             gathered.push(&decision.values[sight_idx], self.labels[decision.sample_idx]);
-        });
+        }
         gathered
     }
 
     /// One calibration a sight.
-    fn calibrate<'d>(
-        &self,
-        decisions: impl Iterator<Item = &'d Decision> + Clone,
-    ) -> Result<Vec<Calibration>, TrainError> {
+    fn calibrate(&self, decisions: &[&Decision]) -> Result<Vec<Calibration>, TrainError> {
         let calibrate = |(sight_idx, sight)| {
-            let gathered = self.gathered(sight_idx, decisions.clone());
+            let gathered = self.gathered((sight_idx, sight), decisions);
             gathered.calibration(self.config.scheme(sight), self.n_places, self.config.calibration.sigmoids)
         };
         self.config.sights().enumerate().map(calibrate).collect()
@@ -236,7 +228,7 @@ impl Trainer<'_> {
         let mut held_out = Vec::with_capacity(decisions.len());
         for &fold in &answered {
             let others = |decision: &&Decision| fold_of(decision) != fold || answered.len() == 1;
-            let calibrations = self.calibrate(decisions.iter().filter(others))?;
+            let calibrations = self.calibrate(&decisions.iter().filter(others).collect::<Vec<_>>())?;
             for decision in decisions.iter().filter(|decision| fold_of(decision) == fold) {
                 let of_sights = self.config.sights().zip(calibrations.iter().zip(&decision.values));
                 let probabilities = pooled(of_sights.map(|(sight, (calibration, values))| {
