@@ -136,6 +136,18 @@ impl View {
         self.hidden.is_none() && !matches!(self.projection, Projection::Omnidirectional(_))
     }
 
+    /// The kind of camera.
+    pub fn kind(&self) -> CameraKind {
+        self.projection.kind()
+    }
+
+    /// Where (x, y) is between the inner (0) and the outer rim (1) of the mirror; 0 for cameras without one.
+    pub fn ring_share(&self, x: f32, y: f32) -> f32 {
+        let Projection::Omnidirectional(mirror) = self.projection else { return 0.0 };
+        let radius = mirror.polar(x, y, self.width).2 / self.width as f32;
+        (radius - mirror.inner_radius) / (mirror.outer_radius - mirror.inner_radius)
+    }
+
     /// The unit vector from the mirror center to (x, y); `None` for cameras without a mirror and in the
     /// center itself.
     pub fn radial_direction(&self, x: f32, y: f32) -> Option<(f32, f32)> {

@@ -1,14 +1,17 @@
-//! Descriptors: what the surroundings of a keypoint look like, as a row of numbers.
+//! Descriptors: what the surroundings of a keypoint look like, as a row of numbers; [`FrameLbp`]: what a whole
+//! frame looks like.
 
 mod cells;
 mod circle;
 mod cs_lbp;
+mod frame_lbp;
 mod lbp;
 mod region;
 mod sift;
 mod surf;
 
 pub use cs_lbp::CsLbp;
+pub use frame_lbp::{FrameLbp, Sections};
 pub use lbp::Lbp;
 pub use region::{Region, Weighting};
 pub use sift::SiftDescriptor;

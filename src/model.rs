@@ -3,17 +3,22 @@
 //! Lu et al., "Robust place recognition based on omnidirectional vision and real-time local visual
 //! features for mobile robots": detect, describe, count words, classify.
 
+mod add;
 mod arrays;
 mod card;
 mod config;
+mod cue;
 mod features;
 mod folder;
 mod format;
+mod held_out;
 mod machines;
 mod train;
 
-pub use card::{Card, Measurement};
+pub use add::AddError;
+pub use card::{Addition, Card, Measurement};
 pub use config::{CalibrationConfig, Classifier, Config, Representation, Sigmoids};
+pub use cue::{Cue, FrameLbpCue};
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{GoldenFrame, LoadError, LoadedModel, SaveError, load_golden_frames};
 pub use format::{FORMAT_VERSION, FormatError};
@@ -22,8 +27,10 @@ pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep};
 use crate::camera::Camera;
 use crate::filter::Transitions;
 use crate::image::Image;
-use crate::svm::{Calibration, LinearSvm, Scheme, most_probable};
+use crate::svm::{LinearSvm, Scheme, most_probable};
 use crate::vocabulary::Vocabulary;
+use cue::{Opinion, pooled};
+use held_out::HeldOutDecisions;
 use machines::Machines;
 
 /// The answer for one frame.
@@ -67,14 +74,16 @@ pub struct Model {
     extractor: Extractor,
     classification: Classification,
     transitions: Transitions,
+    /// What the calibration rests on, of models that training can go on from.
+    held_out: Option<HeldOutDecisions>,
     card: Card,
 }
 
-/// From descriptors to probabilities.
+/// From features to probabilities.
 #[derive(Clone, Debug)]
 struct Classification {
-    machines: Machines,
-    calibration: Calibration,
+    /// One for each sight of the configuration; that of the keypoints is always there, and the first.
+    opinions: Vec<Opinion>,
     /// Answers of at least this probability are known.
     known_probability: f32,
 }
@@ -117,12 +126,17 @@ impl Model {
 
     /// The number of words of the vocabulary; 0 where descriptors are compared themselves.
     pub fn n_words(&self) -> usize {
-        self.classification.machines.vocabulary().map_or(0, Vocabulary::n_words)
+        self.machines().vocabulary().map_or(0, Vocabulary::n_words)
     }
 
     /// The number of training frames each support vector machine rests on; none for other machines.
     pub fn n_support_vectors(&self) -> Vec<usize> {
-        self.classification.machines.n_support_vectors()
+        self.machines().n_support_vectors()
+    }
+
+    /// Those that see the keypoints.
+    fn machines(&self) -> &Machines {
+        &self.classification.opinions[0].machines
     }
 
     /// From which probability on an answer is known.
@@ -145,11 +159,11 @@ impl Model {
         self.classification.classify(features)
     }
 
-    /// What each keypoint said for and against a room, the strongest first. With one machine a pair of
+    /// What each keypoint said, the cue left out, for and against a room, the strongest first. With one machine a pair of
     /// rooms, the sum over the machines that the room takes part in. Only linear machines can be taken apart
     /// like this; for others there is nothing.
     pub fn explain(&self, features: &Features, place_idx: usize) -> Vec<Evidence> {
-        let Machines::Linear(vocabulary, svm) = &self.classification.machines else { return Vec::new() };
+        let Machines::Linear(vocabulary, svm) = self.machines() else { return Vec::new() };
         let words = vocabulary.quantize(&features.descriptors);
         let word_weights = word_weights((vocabulary, svm), &words, place_idx);
         let mut evidence: Vec<Evidence> = words
@@ -172,12 +186,11 @@ impl Classification {
         let n_keypoints = features.keypoints.len();
         if n_keypoints == 0 {
             // Nothing was seen: no room is more probable than another.
-            let n_places = self.machines.n_classes();
+            let n_places = self.opinions[0].machines.n_classes();
             let probabilities = vec![1.0 / n_places as f32; n_places];
             return Recognition { place_idx: 0, known: false, probabilities, n_keypoints };
         }
-        let decision_values = self.machines.decision_values(&features.descriptors);
-        let probabilities = self.calibration.probabilities(&decision_values);
+        let probabilities = pooled(self.opinions.iter().map(|opinion| opinion.of(features)));
         let place_idx = most_probable(&probabilities);
         let known = probabilities[place_idx] >= self.known_probability;
         Recognition { place_idx, known, probabilities, n_keypoints }

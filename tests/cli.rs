@@ -249,7 +249,7 @@ fn inspect_draws_a_frame_in_colors() {
     let folder = TempDir::new().unwrap();
     let picture = path(&folder, "seen.png");
     let told = done(&["inspect", &LAB.frame("dots"), "--model", &LAB.model(), "--output", &picture]);
-    assert!(told.contains("corners"), "{told}");
+    assert!(told.contains("keypoints"), "{told}");
     let pixels = image::open(&picture).unwrap().to_rgb8();
     assert_eq!(pixels.dimensions(), (96, 72));
     assert!(pixels.pixels().any(|pixel| pixel.0[0] != pixel.0[1]));
@@ -345,6 +345,8 @@ fn wrong_parameters_are_named() {
         ("representation.n_wrods=9", "n_wrods"),
         ("detector.threshold.fixed=1000", "1000"),
         ("seed", "NAME=VALUE"),
+        ("cue.kind=depth", "depth"),
+        ("cue={ kind = 'frame_lbp', weight = 2 }", "weight"),
     ] {
         let arguments = ["train", &LAB.data(), "-o", &path(&folder, "model"), "--set", parameter];
         let error = refused(FAILED, &arguments);
@@ -384,6 +386,75 @@ fn tuning_writes_a_configuration_that_training_takes() {
     let said = refused(FAILED, &few_descriptors);
     assert!(said.contains("too few for a vocabulary of 1000 words"), "{said}");
     assert!(!Path::new(&path(&folder, "other.toml")).exists());
+}
+
+/// Frames of all rooms in drives of these names, each from places of its own.
+fn write_drives(folder: &Path, drives: &[&str]) {
+    for (drive, first) in drives.iter().zip((0..).step_by(40)) {
+        for room in ROOMS {
+            fs::create_dir_all(folder.join(room).join(drive)).unwrap();
+            for shift in 0..6 {
+                frame(room, 7 * (first + shift))
+                    .save(folder.join(format!("{room}/{drive}/{shift}.png")))
+                    .unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn drives_are_added_to_a_model() {
+    let folder = TempDir::new().unwrap();
+    write_drives(&folder.path().join("rooms"), &["monday", "tuesday", "friday"]);
+    let [data, first, second] = ["rooms", "models/rooms/1", "models/rooms/2"].map(|name| path(&folder, name));
+    let kernel = ["--set", "classifier.kind=kernel_svm"];
+    let monday =
+        ["train", &data, "--sequences", "monday", "--output", &first, "--description", "three rooms"];
+    done(&[&monday, &QUICK[..], &kernel].concat());
+
+    let add = ["train", &data, "--sequences", "tuesday,friday", "--add", &first, "--output", &second];
+    let added = done(&[&add[..], &["--forget", "0.05"]].concat());
+    for said in ["Held-out answers to 36 of 36 frames, given before they were learned", "tuesday", "0.05"] {
+        assert!(added.contains(said), "{said}: {added}");
+    }
+    let card = json(&["inspect", "--json", &second])["card"].clone();
+    assert_eq!((&card["n_frames"], &card["description"]), (&54.into(), &"three rooms".into()), "{card}");
+    assert_eq!(card["sequences"], serde_json::json!(["monday", "friday", "tuesday"]), "{card}");
+    assert_eq!(card["additions"][0]["sequence"], "friday", "{card}");
+    assert_eq!(card["measured"].as_array().unwrap().len(), 2, "{card}");
+    assert!(done(&["inspect", &second]).contains("added later"));
+    let report = json(&["evaluate", "--json", &second, &data]);
+    assert!(report["evaluation"]["overall"]["rate"].as_f64().unwrap() > 0.9, "{report}");
+
+    let again = ["train", &data, "--sequences", "tuesday", "--add", &second, "--output", &path(&folder, "3")];
+    assert!(refused(FAILED, &again).contains("tuesday before"));
+    let to_linear = ["train", &data, "--add", &LAB.model(), "--output", &path(&folder, "3")];
+    assert!(refused(FAILED, &to_linear).contains("classifier.kind = kernel_svm"));
+    for (more, reason) in [
+        (["--set", "seed=1"], "--set"),
+        (["--camera", "perspective"], "--camera"),
+        (["--forget", "-1"], "from 0 to below 1"),
+        (["--config", "c.toml"], "--config"),
+    ] {
+        let said = refused(WRONG_USAGE, &[&to_linear[..], &more].concat());
+        assert!(said.contains(reason), "{said}");
+    }
+    let alone = ["train", &data, "--output", &path(&folder, "3"), "--forget", "0.1"];
+    assert!(refused(WRONG_USAGE, &alone).contains("--add"));
+}
+
+#[test]
+fn a_cue_is_switched_on_by_one_line() {
+    let folder = TempDir::new().unwrap();
+    let model = path(&folder, "model");
+    let cue = ["--set", "cue.kind=frame_lbp"];
+    done(&[&["train", &LAB.data(), "--output", &model], &QUICK[..], &cue].concat());
+    assert!(done(&["inspect", &model]).contains("frame_lbp"));
+    let report = json(&["evaluate", "--json", &model, &LAB.data()]);
+    assert_eq!(report["evaluation"]["overall"]["rate"], 1.0);
+    done(&[&["validate", &LAB.data()], &QUICK[..], &cue].concat());
+    let more = ["train", &LAB.data(), "--add", &model, "--output", &path(&folder, "2")];
+    assert!(refused(FAILED, &more).contains("kernel_svm"));
 }
 
 #[test]

@@ -253,5 +253,17 @@ mod tests {
         assert!(error("classifier.c=0").contains("positive"));
         assert!(error("classifier.kind=match_svm").contains("representation.kind"));
         assert!(error("representation.kind=descriptors").contains("match_svm"));
+        let words = error("representation={ kind = 'descriptors', n_words = 50 }");
+        assert!(words.contains("n_words"), "{words}");
+    }
+
+    #[test]
+    fn frames_whose_scale_space_fills_the_memory_are_refused() {
+        let sift = ["detector.kind=sift", "descriptor.kind=sift"];
+        let large = read(&[&sift[..], &["longest_side=4096"]].concat()).unwrap_err().to_string();
+        assert!(large.contains("4096") && large.contains("GiB") && large.contains("longest_side"), "{large}");
+        read(&[&sift[..], &["longest_side=2048"]].concat()).unwrap();
+        read(&["longest_side=8192"]).unwrap();
+        assert!(read(&["descriptor.kind=sift", "longest_side=8192"]).is_err());
     }
 }

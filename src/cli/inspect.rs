@@ -6,17 +6,17 @@ use crate::camera::{Camera, CameraKind, Projection};
 use crate::describe::Descriptor;
 use crate::detect::Keypoint;
 use crate::image::Image;
-use crate::model::{Extractor, LoadedModel, Scratch};
+use crate::model::{Addition, Extractor, LoadedModel, Scratch};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
 use std::path::{Path, PathBuf};
 
-const CORNER_COLOR: Rgb<u8> = Rgb([255, 70, 50]);
+const KEYPOINT_COLOR: Rgb<u8> = Rgb([255, 70, 50]);
 const REGION_COLOR: Rgb<u8> = Rgb([60, 200, 120]);
 const HIDDEN_TINT: Rgb<u8> = Rgb([70, 60, 140]);
 
-/// Show a model's card, or draw the corners and regions of a frame into a PNG
+/// Show a model's card, or draw the keypoints and regions of a frame into a PNG
 #[derive(Args)]
 pub(super) struct InspectArgs {
     /// Folder of a model, or an image file
@@ -72,6 +72,11 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     add("camera", camera_text(&model.camera().projection));
     let simulated = if card.simulated { ", simulated" } else { "" };
     add("trained on", format!("{} frames{simulated}: {}", card.n_frames, card.sequences.join(", ")));
+    for Addition { sequence, n_frames, forget, n_before, n_learned, n_left } in &card.additions {
+        let trade =
+            format!("{n_before} support vectors, then {n_learned}, {n_left} left at --forget {forget}");
+        add("added later", format!("{n_frames} frames: {sequence} ({trade})"));
+    }
     for measured in &card.measured {
         add("measured", format!("{:.4} of {} ({})", measured.rate, measured.n_frames, measured.data));
     }
@@ -111,7 +116,7 @@ fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
     picture
         .save_with_format(&output, image::ImageFormat::Png)
         .with_context(|| output.display().to_string())?;
-    say!("{} corners, drawn into {}", features.keypoints.len(), output.display())?;
+    say!("{} keypoints, drawn into {}", features.keypoints.len(), output.display())?;
     Ok(())
 }
 
@@ -123,7 +128,7 @@ fn projection(kind: CameraKind) -> anyhow::Result<Projection> {
     })
 }
 
-/// The frame with its corners, the outlines of their regions, and a tint where nothing is detected.
+/// The frame with its keypoints, the outlines of their regions, and a tint where nothing is detected.
 fn picture(image: &Image, camera: &Camera, keypoints: &[Keypoint], descriptor: &Descriptor) -> RgbImage {
     let view = camera.view(image.width(), image.height());
     let mut picture = RgbImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
@@ -142,8 +147,8 @@ fn picture(image: &Image, camera: &Camera, keypoints: &[Keypoint], descriptor: &
     }
     for keypoint in keypoints {
         let (x, y) = (keypoint.x, keypoint.y);
-        draw_line(&mut picture, (x - 2.0, y), (x + 2.0, y), CORNER_COLOR);
-        draw_line(&mut picture, (x, y - 2.0), (x, y + 2.0), CORNER_COLOR);
+        draw_line(&mut picture, (x - 2.0, y), (x + 2.0, y), KEYPOINT_COLOR);
+        draw_line(&mut picture, (x, y - 2.0), (x, y + 2.0), KEYPOINT_COLOR);
     }
     picture
 }

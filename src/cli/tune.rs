@@ -124,7 +124,7 @@ struct Tuner<'a> {
 impl Tuner<'_> {
     fn measure(&mut self, parameters: Vec<String>, config: Config) -> anyhow::Result<Tried> {
         let described = match self.described.take() {
-            Some((before, described)) if describes_alike(&before, &config) => described,
+            Some((before, described)) if before.extraction() == config.extraction() => described,
             _ => data::describe(self.dataset, &Extractor::new(&config, self.camera.clone()))?,
         };
         let (_, described) = self.described.insert((config.clone(), described));
@@ -142,11 +142,6 @@ impl Tuner<'_> {
         }
         Ok(Tried { parameters, rate: Summary::of(&rates), mean_by_place: Summary::of(&means), config })
     }
-}
-
-/// Whether frames look the same to both.
-fn describes_alike(a: &Config, b: &Config) -> bool {
-    (a.longest_side, &a.detector, &a.descriptor) == (b.longest_side, &b.detector, &b.descriptor)
 }
 
 /// The highest mean rate, the first of equal ones.

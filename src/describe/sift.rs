@@ -23,10 +23,6 @@ const N_DIRECTIONS: usize = 8;
 /// No number of a descriptor of unit length exceeds this before it is scaled again.
 const HIGHEST: f32 = 0.2;
 
-/// Of the scale space that keypoints are described in; the first octave is doubled if they need it.
-const SIGMA: f32 = 1.6;
-const N_LAYERS: usize = 3;
-
 /// The SIFT descriptor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
@@ -46,6 +42,10 @@ impl Default for SiftDescriptor {
 type Histograms = [[[f32; N_DIRECTIONS]; N_CELLS + 2]; N_CELLS + 2];
 
 impl SiftDescriptor {
+    /// The most levels of the scale space that keypoints are described in; the first octave is doubled only if
+    /// they need it.
+    pub const LEVELS: Levels = Levels { sigma: 1.6, n_layers: 3, doubled: true };
+
     pub(super) fn n_dimensions() -> usize {
         N_CELLS * N_CELLS * N_DIRECTIONS
     }
@@ -71,8 +71,9 @@ impl SiftDescriptor {
         let (finest, coarsest) =
             scales.fold((f32::INFINITY, 0.0f32), |(low, high), scale| (low.min(scale), high.max(scale)));
         // Nearer to the level below the first one than to that.
-        let doubled = finest < SIGMA * (-0.5 / N_LAYERS as f32).exp2();
-        let levels = Levels { sigma: SIGMA, n_layers: N_LAYERS, doubled };
+        let Levels { sigma, n_layers, .. } = Self::LEVELS;
+        let doubled = finest < sigma * (-0.5 / n_layers as f32).exp2();
+        let levels = Levels { doubled, ..Self::LEVELS };
         let mut space = ScaleSpace::default();
         space.build(image, levels, coarsest);
         self.describe_in(&space, keypoints, view)

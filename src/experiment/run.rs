@@ -280,7 +280,7 @@ impl Runner<'_> {
 }
 
 fn described_key(config: &Config, drive_idx: usize, occlusion: Occlusion) -> DescribedKey {
-    (drive_idx, key(&(config.longest_side, &config.detector, &config.descriptor, occlusion)))
+    (drive_idx, key(&(config.extraction(), occlusion)))
 }
 
 /// The digest of what the value says of itself.

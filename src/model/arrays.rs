@@ -76,14 +76,23 @@ pub(super) fn read_counts(file: &SafeTensors, name: &str) -> Result<Vec<usize>, 
     Ok(bytes.as_chunks().0.iter().map(|&count| u32::from_le_bytes(count) as usize).collect())
 }
 
+/// Empty when there is no such array.
+pub(super) fn read_counts_if_any(file: &SafeTensors, name: &str) -> Result<Vec<usize>, FormatError> {
+    if is_there(file, name) { read_counts(file, name) } else { Ok(Vec::new()) }
+}
+
 /// `None` when there is no such array.
 pub(super) fn read_picture(file: &SafeTensors, name: &str) -> Result<Option<Image>, FormatError> {
-    if file.tensor(name).is_err() {
+    if !is_there(file, name) {
         return Ok(None);
     }
     let (shape, pixels) = read(file, name, (Dtype::U8, 2))?;
     let picture = Image::from_pixels(shape[1], shape[0], pixels.to_vec());
     picture.map(Some).ok_or_else(|| FormatError::Damaged(format!("{name} is empty")))
+}
+
+pub(super) fn is_there(file: &SafeTensors, name: &str) -> bool {
+    file.tensor(name).is_ok()
 }
 
 pub(super) fn require(condition: bool, otherwise: &str) -> Result<(), FormatError> {

@@ -18,6 +18,26 @@ pub struct Card {
     pub sequences: Vec<String>,
     /// How well it did on frames that it was not trained on.
     pub measured: Vec<Measurement>,
+    /// Which of the sequences were added later, in their order.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub additions: Vec<Addition>,
+}
+
+/// A sequence that was added to a trained model.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Addition {
+    /// Its name; empty when unknown.
+    pub sequence: String,
+    /// The number of its frames.
+    pub n_frames: usize,
+    /// The share at which support vectors were dropped; see [`super::Model::add`].
+    pub forget: f64,
+    /// The number of support vectors before.
+    pub n_before: usize,
+    /// The number of support vectors when the sequence was learned and none dropped yet.
+    pub n_learned: usize,
+    /// The number of support vectors that were left.
+    pub n_left: usize,
 }
 
 /// A rate of correct answers.

@@ -1,10 +1,14 @@
 //! What to train: every parameter of a model.
 
-use crate::describe::Descriptor;
+use super::Cue;
+use crate::describe::{Descriptor, FrameLbp, SiftDescriptor};
 use crate::detect::Detector;
 use crate::svm::Scheme;
 use crate::{boost, svm, vocabulary};
 use serde::{Deserialize, Serialize};
+
+/// The most memory that the scale space of one frame may take.
+const MAX_SCALE_SPACE_BYTES: u64 = 1 << 30;
 
 /// Every parameter of a model. What a file leaves out has its default.
 ///
@@ -34,16 +38,20 @@ pub struct Config {
     pub classifier: Classifier,
     /// How decision values become probabilities.
     pub calibration: CalibrationConfig,
+    /// What is seen of a frame beside its keypoints, if anything.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cue: Option<Cue>,
 }
 
 /// What a classifier sees of a frame's descriptors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case")]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum Representation {
     /// How often each word of a vocabulary occurs.
     Bag(vocabulary::Config),
     /// The descriptors themselves, for classifiers that compare sets of them.
-    Descriptors,
+    // With braces, serde refuses the parameters of a bag beside it.
+    Descriptors {},
 }
 
 /// How rooms are told apart.
@@ -115,6 +123,7 @@ impl Default for Config {
             representation: Representation::Bag(vocabulary::Config::default()),
             classifier: Classifier::LinearSvm(svm::Config::default()),
             calibration: CalibrationConfig::default(),
+            cue: None,
         }
     }
 }
@@ -126,6 +135,13 @@ impl Default for CalibrationConfig {
 }
 
 impl Config {
+    /// All that decides what an [`super::Extractor`] finds in a frame: with the same, frames need not be
+    /// described again.
+    pub fn extraction(&self) -> (usize, &Detector, &Descriptor, Option<&FrameLbp>) {
+        let histograms = self.cue.as_ref().map(|Cue::FrameLbp(cue)| &cue.histograms);
+        (self.longest_side, &self.detector, &self.descriptor, histograms)
+    }
+
     /// What is wrong with the parameters, if anything.
     pub fn check(&self) -> Result<(), String> {
         if !(16..=8192).contains(&self.longest_side) {
@@ -139,17 +155,38 @@ impl Config {
         }
         self.detector.check()?;
         self.descriptor.check()?;
+        self.check_scale_space()?;
         self.classifier.check()?;
+        self.cue.as_ref().map_or(Ok(()), Cue::check)?;
         let sees_descriptors = matches!(self.classifier, Classifier::MatchSvm(_));
         match &self.representation {
             Representation::Bag(_) if sees_descriptors => {
                 Err("match_svm compares descriptors: set representation.kind to descriptors".to_owned())
             }
             Representation::Bag(vocabulary) => vocabulary.check(),
-            Representation::Descriptors if sees_descriptors => Ok(()),
-            Representation::Descriptors => {
+            Representation::Descriptors {} if sees_descriptors => Ok(()),
+            Representation::Descriptors {} => {
                 Err("only match_svm sees descriptors: set representation.kind to bag".to_owned())
             }
         }
+    }
+
+    /// Refuses frames whose blurred copies would fill the memory of the machine.
+    fn check_scale_space(&self) -> Result<(), String> {
+        let levels = match (self.detector.levels(), &self.descriptor) {
+            (Some(levels), _) => levels,
+            (None, Descriptor::Sift(_)) => SiftDescriptor::LEVELS,
+            _ => return Ok(()),
+        };
+        let n_bytes = levels.max_bytes(self.longest_side);
+        if n_bytes > MAX_SCALE_SPACE_BYTES {
+            return Err(format!(
+                "the scale space of a frame of {} pixels a side takes up to {:.1} GiB a thread, at most 1 is \
+                 allowed: lower longest_side, or look for features at fewer levels",
+                self.longest_side,
+                n_bytes as f64 / (1_u64 << 30) as f64
+            ));
+        }
+        Ok(())
     }
 }

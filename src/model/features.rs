@@ -1,8 +1,8 @@
 //! A frame to keypoints and descriptors: what training and recognition have in common.
 
-use super::Config;
+use super::{Config, Cue, FrameLbpCue};
 use crate::camera::{Camera, View};
-use crate::describe::Descriptor;
+use crate::describe::{Descriptor, Sections};
 use crate::detect::{Detector, Keypoint};
 use crate::image::Image;
 use crate::matrix::Matrix;
@@ -14,6 +14,7 @@ pub struct Extractor {
     longest_side: usize,
     detector: Detector,
     descriptor: Descriptor,
+    cue: Option<Cue>,
     camera: Camera,
 }
 
@@ -24,6 +25,8 @@ pub struct Features {
     pub keypoints: Vec<Keypoint>,
     /// One row a keypoint.
     pub descriptors: Matrix,
+    /// What the cue sees of the whole frame; empty without one.
+    pub frame: Vec<f32>,
     /// Pixels of the frame as it came for one pixel at working size, at least 1.
     pub scale: f32,
 }
@@ -35,6 +38,8 @@ pub struct Scratch {
     view: Option<View>,
     /// Of the last frame, if keypoints were looked for in one.
     space: ScaleSpace,
+    /// Of the cue, with the size of the frames that they are for.
+    sections: Option<((usize, usize), Sections)>,
 }
 
 impl Extractor {
@@ -44,6 +49,7 @@ impl Extractor {
             longest_side: config.longest_side,
             detector: config.detector.clone(),
             descriptor: config.descriptor.clone(),
+            cue: config.cue.clone(),
             camera,
         }
     }
@@ -68,6 +74,19 @@ impl Extractor {
             }
             descriptor => descriptor.describe(scaled, &keypoints, view),
         };
-        Features { keypoints, descriptors, scale: image.width() as f32 / scaled.width() as f32 }
+        let frame = self.describe_frame(scaled, &mut scratch.sections);
+        Features { keypoints, descriptors, frame, scale: image.width() as f32 / scaled.width() as f32 }
+    }
+
+    /// What the cue sees; `sections` is kept for the next frame of the same size.
+    fn describe_frame(&self, image: &Image, sections: &mut Option<((usize, usize), Sections)>) -> Vec<f32> {
+        let Some(Cue::FrameLbp(FrameLbpCue { histograms, .. })) = &self.cue else { return Vec::new() };
+        let shrunk = image.shrink_to(histograms.longest_side);
+        let image = shrunk.as_ref().unwrap_or(image);
+        let size = (image.width(), image.height());
+        let of_same_size = sections.take().filter(|(of_size, _)| *of_size == size);
+        let make = || (size, histograms.sections(&self.camera.view(size.0, size.1)));
+        let (_, sections) = sections.insert(of_same_size.unwrap_or_else(make));
+        histograms.describe(image, sections)
     }
 }

@@ -6,6 +6,7 @@
 //! | `svm.weights`, `svm.rho` | f32, machines x words, machines; of a linear SVM |
 //! | `svm.n_support_vectors` | u32, machines; of a linear SVM |
 //! | `kernel.support_vectors` | f32, support vectors x words; of a kernel SVM |
+//! | `kernel.labels` | u32, support vectors: the room of each; not in files of older versions |
 //! | `kernel.parameters` | f64, gamma and coef0 as far as the kernel has them |
 //! | `match.descriptors` | f32, descriptors x dimensions, of the support frames of a match SVM |
 //! | `match.n_descriptors` | u32, support frames |
@@ -14,9 +15,14 @@
 //! | `boost.features`, `boost.thresholds`, `boost.weights` | u32, f32, f32, stumps |
 //! | `calibration.slopes`, `calibration.offsets` | f32, machines |
 //! | `transitions.dwells`, `transitions.next` | f32, rooms, rooms x rooms; unlearned when left out |
+//! | `cue.weights`, `cue.rho`, `cue.n_support_vectors` | as those of a linear SVM, over what a cue sees; only with a cue |
+//! | `cue.slopes`, `cue.offsets` | as those of the calibration |
+//! | `held_out.values`, `held_out.labels` | f32, frames x machines, u32, frames: held-out decision values and the room shown; of a kernel SVM, not in files of older versions |
 //! | `camera.mask` | u8, height x width; only with a mask |
 
 use super::arrays::{self, Array, require};
+use super::cue::{Opinion, Sight};
+use super::held_out::HeldOutDecisions;
 use super::machines::Machines;
 use super::{Card, Classification, Config, Extractor, Model};
 use crate::camera::{Camera, Mask, Projection};
@@ -84,10 +90,16 @@ impl Model {
             card: self.card.clone(),
         };
         let metadata = serde_json::to_string(&metadata).map_err(|error| damaged(&error))?;
-        let Classification { machines, calibration, .. } = &self.classification;
-        let mut arrays = machines.to_arrays();
-        arrays.push(Array::vector("calibration.slopes", calibration.slopes()));
-        arrays.push(Array::vector("calibration.offsets", calibration.offsets()));
+        let mut arrays = Vec::new();
+        for (sight, Opinion { machines, calibration, .. }) in
+            self.config.sights().zip(&self.classification.opinions)
+        {
+            arrays.extend(machines.to_arrays());
+            let [slopes, offsets] = calibration_names(sight);
+            arrays.push(Array::vector(slopes, calibration.slopes()));
+            arrays.push(Array::vector(offsets, calibration.offsets()));
+        }
+        arrays.extend(self.held_out.iter().flat_map(HeldOutDecisions::to_arrays));
         arrays.push(Array::vector("transitions.dwells", self.transitions.dwells()));
         arrays.push(Array::matrix("transitions.next", self.transitions.next()));
         if let Some(mask) = &self.camera().mask {
@@ -118,6 +130,14 @@ impl Model {
     }
 }
 
+/// The names of the slopes and the offsets.
+fn calibration_names(sight: Sight) -> [&'static str; 2] {
+    match sight {
+        Sight::Keypoints => ["calibration.slopes", "calibration.offsets"],
+        Sight::Frame(_) => ["cue.slopes", "cue.offsets"],
+    }
+}
+
 fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatError> {
     let Metadata { places, camera, known_probability, config, card, .. } = metadata;
     config.check().map_err(FormatError::Damaged)?;
@@ -127,11 +147,16 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     if let Projection::Omnidirectional(mirror) = camera {
         require(mirror.is_valid(), "its mirror is no ring")?;
     }
-    let machines = Machines::from_arrays(&config, places.len(), file)?;
-    let slopes = arrays::read_vector(file, "calibration.slopes")?;
-    let offsets = arrays::read_vector(file, "calibration.offsets")?;
-    let calibration = Calibration::from_parts(config.classifier.scheme(), places.len(), slopes, offsets)
-        .map_err(|error| FormatError::Damaged(error.to_string()))?;
+    let mut opinions = Vec::new();
+    for sight in config.sights() {
+        let machines = Machines::from_arrays(sight, &config, (places.len(), camera.kind()), file)?;
+        let [slopes, offsets] = calibration_names(sight).map(|name| arrays::read_vector(file, name));
+        let calibration = Calibration::from_parts(config.scheme(sight), places.len(), slopes?, offsets?)
+            .map_err(|error| FormatError::Damaged(error.to_string()))?;
+        opinions.push(Opinion { machines, calibration, weight: config.weight(sight) });
+    }
+    let scheme = config.classifier.scheme();
+    let held_out = HeldOutDecisions::from_arrays((scheme.n_machines(places.len()), places.len()), file)?;
     let transitions = transitions(places.len(), file)?;
     let mask = arrays::read_picture(file, "camera.mask")?.map(Mask::new);
     let camera = Camera { projection: camera, mask };
@@ -139,7 +164,8 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
         places,
         transitions,
         extractor: Extractor::new(&config, camera),
-        classification: Classification { machines, calibration, known_probability },
+        classification: Classification { opinions, known_probability },
+        held_out,
         config,
         card,
     })

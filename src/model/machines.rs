@@ -1,11 +1,13 @@
 //! What tells rooms apart by the descriptors of a frame, of every kind that can be configured.
 
 use super::arrays::{self, Array, require};
+use super::cue::Sight;
 use super::format::FormatError;
-use super::{Classifier, Config, Representation, TrainError};
+use super::{Classifier, Config, Cue, Features, Representation, TrainError};
 use crate::boost::{Boost, Stump};
+use crate::camera::CameraKind;
 use crate::matrix::Matrix;
-use crate::svm::{DualSvm, KernelFunction, KernelSvm, LinearSvm, MatchSvm, Scheme};
+use crate::svm::{DualSvm, IncrementalSvm, KernelFunction, KernelSvm, LinearSvm, MatchSvm, Scheme};
 use crate::vocabulary::Vocabulary;
 use rayon::prelude::*;
 use safetensors::SafeTensors;
@@ -14,16 +16,39 @@ use safetensors::SafeTensors;
 #[derive(Clone, Debug)]
 pub(super) enum Machines {
     Linear(Vocabulary, LinearSvm),
-    Kernel(Vocabulary, KernelSvm),
+    /// With the class of each support vector, without which training cannot go on; empty where a file does
+    /// not hold it.
+    Kernel(Vocabulary, KernelSvm, Vec<usize>),
     Boost(Vocabulary, Boost),
     /// Sees the descriptors themselves.
     Match(MatchSvm),
+    /// Sees what a cue sees of the whole frame.
+    Frame(LinearSvm),
 }
 
 impl Machines {
-    /// Trains on the descriptors of frames, where frame i is of class `labels[i]` < `n_classes`, and no class is
+    /// Trains on what is seen of frames, where frame i is of class `labels[i]` < `n_classes`, and no class is
     /// without a frame.
     pub(super) fn train(
+        sight: Sight,
+        frames: &[&Features],
+        (labels, n_classes): (&[usize], usize),
+        config: &Config,
+    ) -> Result<Self, TrainError> {
+        match sight {
+            Sight::Keypoints => {
+                let descriptors: Vec<&Matrix> = frames.iter().map(|frame| &frame.descriptors).collect();
+                Self::train_on_keypoints(&descriptors, labels, n_classes, config)
+            }
+            Sight::Frame(Cue::FrameLbp(cue)) => {
+                let mut rows = Matrix::new(frames.first().map_or(0, |features| features.frame.len()));
+                frames.iter().for_each(|features| rows.push_row(&features.frame));
+                Ok(Self::Frame(LinearSvm::train(&rows, labels, n_classes, &cue.svm)?))
+            }
+        }
+    }
+
+    fn train_on_keypoints(
         frames: &[&Matrix],
         labels: &[usize],
         n_classes: usize,
@@ -34,18 +59,16 @@ impl Machines {
             return Ok(Self::Match(MatchSvm::train(frames, labels, n_classes, config)?));
         };
         let vocabulary = Vocabulary::train(frames, bag, config.seed)?;
-        let bags: Vec<Vec<f32>> =
-            frames.par_iter().map(|descriptors| vocabulary.bag_of(descriptors)).collect();
-        let mut rows = Matrix::new(vocabulary.n_words());
-        bags.iter().for_each(|bag| rows.push_row(bag));
+        let rows = bags(&vocabulary, frames);
         match &config.classifier {
             Classifier::LinearSvm(config) => {
                 let svm = LinearSvm::train(&rows, labels, n_classes, config)?;
                 Ok(Self::Linear(vocabulary, svm))
             }
             Classifier::KernelSvm(config) => {
-                let svm = KernelSvm::train(&rows, labels, n_classes, config)?;
-                Ok(Self::Kernel(vocabulary, svm))
+                let svm = IncrementalSvm::train(&rows, labels, n_classes, config)?;
+                let (svm, support_labels) = svm.into_parts();
+                Ok(Self::Kernel(vocabulary, svm, support_labels))
             }
             Classifier::Boost(config) => {
                 let boost = Boost::train(&rows, labels, n_classes, config)?;
@@ -56,19 +79,21 @@ impl Machines {
     }
 
     /// One decision value a machine.
-    pub(super) fn decision_values(&self, descriptors: &Matrix) -> Vec<f32> {
+    pub(super) fn decision_values(&self, features: &Features) -> Vec<f32> {
+        let descriptors = &features.descriptors;
         match self {
             Self::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.bag_of(descriptors)),
-            Self::Kernel(vocabulary, svm) => svm.decision_values(&vocabulary.bag_of(descriptors)),
+            Self::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.bag_of(descriptors)),
             Self::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.bag_of(descriptors)),
             Self::Match(svm) => svm.decision_values(descriptors),
+            Self::Frame(svm) => svm.decision_values(&features.frame),
         }
     }
 
     pub(super) fn n_classes(&self) -> usize {
         match self {
-            Self::Linear(_, svm) => svm.n_classes(),
-            Self::Kernel(_, svm) => svm.machines().n_classes(),
+            Self::Linear(_, svm) | Self::Frame(svm) => svm.n_classes(),
+            Self::Kernel(_, svm, _) => svm.machines().n_classes(),
             Self::Boost(_, boost) => boost.n_classes(),
             Self::Match(svm) => svm.machines().n_classes(),
         }
@@ -77,10 +102,10 @@ impl Machines {
     /// `None` for machines that see no words.
     pub(super) fn vocabulary(&self) -> Option<&Vocabulary> {
         match self {
-            Self::Linear(vocabulary, _) | Self::Kernel(vocabulary, _) | Self::Boost(vocabulary, _) => {
+            Self::Linear(vocabulary, _) | Self::Kernel(vocabulary, ..) | Self::Boost(vocabulary, _) => {
                 Some(vocabulary)
             }
-            Self::Match(_) => None,
+            Self::Match(_) | Self::Frame(_) => None,
         }
     }
 
@@ -91,8 +116,8 @@ impl Machines {
             machines.coefficients().rows().map(n_used).collect()
         };
         match self {
-            Self::Linear(_, svm) => svm.n_support_vectors().to_vec(),
-            Self::Kernel(_, svm) => of_dual(svm.machines()),
+            Self::Linear(_, svm) | Self::Frame(svm) => svm.n_support_vectors().to_vec(),
+            Self::Kernel(_, svm, _) => of_dual(svm.machines()),
             Self::Boost(..) => Vec::new(),
             Self::Match(svm) => of_dual(svm.machines()),
         }
@@ -105,12 +130,12 @@ impl Machines {
             arrays.push(Array::matrix("vocabulary.centers", vocabulary.centers()));
         }
         match self {
-            Self::Linear(_, svm) => {
-                arrays.push(Array::matrix("svm.weights", svm.weights()));
-                arrays.push(Array::vector("svm.rho", svm.rho()));
-                arrays.push(Array::counts("svm.n_support_vectors", svm.n_support_vectors().iter().copied()));
-            }
-            Self::Kernel(_, svm) => {
+            Self::Linear(_, svm) => arrays.extend(linear_arrays(&KEYPOINT_NAMES, svm)),
+            Self::Frame(svm) => arrays.extend(linear_arrays(&CUE_NAMES, svm)),
+            Self::Kernel(_, svm, support_labels) => {
+                if !support_labels.is_empty() {
+                    arrays.push(Array::counts("kernel.labels", support_labels.iter().copied()));
+                }
                 arrays.push(Array::matrix("kernel.support_vectors", svm.support_vectors()));
                 arrays.push(Array::doubles("kernel.parameters", &parameters(svm.kernel())));
                 push_dual(&mut arrays, svm.machines());
@@ -140,10 +165,21 @@ impl Machines {
 
     /// Machines of unknown origin that fit `config`, which was checked, and each other.
     pub(super) fn from_arrays(
+        sight: Sight,
         config: &Config,
-        n_places: usize,
+        (n_places, camera): (usize, CameraKind),
         file: &SafeTensors,
     ) -> Result<Self, FormatError> {
+        match sight {
+            Sight::Keypoints => Self::read_for_keypoints(config, n_places, file),
+            Sight::Frame(cue) => {
+                let shape = (n_places, cue.n_dimensions(camera));
+                Ok(Self::Frame(read_linear(&CUE_NAMES, config.scheme(sight), shape, file)?))
+            }
+        }
+    }
+
+    fn read_for_keypoints(config: &Config, n_places: usize, file: &SafeTensors) -> Result<Self, FormatError> {
         let n_dimensions = config.descriptor.n_dimensions();
         let Representation::Bag(bag) = &config.representation else {
             let Classifier::MatchSvm(config) = &config.classifier else { return Err(damaged(&mismatch())) };
@@ -163,12 +199,8 @@ impl Machines {
         let vocabulary = Vocabulary::new(centers, bag.normalization);
         match &config.classifier {
             Classifier::LinearSvm(config) => {
-                let weights = arrays::read_matrix(file, "svm.weights")?;
-                require(weights.n_cols() == bag.n_words, "its machines fit no vocabulary")?;
-                let rho = arrays::read_vector(file, "svm.rho")?;
-                let n_support_vectors = arrays::read_counts(file, "svm.n_support_vectors")?;
-                let svm = LinearSvm::from_parts(config.scheme, n_places, weights, rho, n_support_vectors);
-                svm.map(|svm| Self::Linear(vocabulary, svm)).map_err(|error| damaged(&error))
+                let svm = read_linear(&KEYPOINT_NAMES, config.scheme, (n_places, bag.n_words), file)?;
+                Ok(Self::Linear(vocabulary, svm))
             }
             Classifier::KernelSvm(config) => {
                 let support_vectors = arrays::read_matrix(file, "kernel.support_vectors")?;
@@ -176,8 +208,12 @@ impl Machines {
                 let kernel =
                     with_parameters(config.kernel, &arrays::read_doubles(file, "kernel.parameters")?)?;
                 let machines = read_dual(config.machines.scheme, n_places, file)?;
+                let labels = arrays::read_counts_if_any(file, "kernel.labels")?;
+                let fit = labels.is_empty() || labels.len() == support_vectors.n_rows();
+                require(fit, "its support vectors and their rooms are not as many")?;
+                require(labels.iter().all(|&label| label < n_places), "a support vector is of no room")?;
                 let svm = KernelSvm::from_parts(kernel, support_vectors, machines);
-                svm.map(|svm| Self::Kernel(vocabulary, svm)).map_err(|error| damaged(&error))
+                svm.map(|svm| Self::Kernel(vocabulary, svm, labels)).map_err(|error| damaged(&error))
             }
             Classifier::Boost(_) => {
                 let ensembles = read_ensembles(file)?;
@@ -188,6 +224,14 @@ impl Machines {
             Classifier::MatchSvm(_) => Err(damaged(&mismatch())),
         }
     }
+}
+
+/// The bag of each frame: one row a frame.
+pub(super) fn bags(vocabulary: &Vocabulary, frames: &[&Matrix]) -> Matrix {
+    let bags: Vec<Vec<f32>> = frames.par_iter().map(|descriptors| vocabulary.bag_of(descriptors)).collect();
+    let mut rows = Matrix::new(vocabulary.n_words());
+    bags.iter().for_each(|bag| rows.push_row(bag));
+    rows
 }
 
 /// What [`Config::check`] has refused before.
@@ -202,6 +246,33 @@ fn damaged(error: &dyn std::fmt::Display) -> FormatError {
 /// Whether no row is longer than 1, but for rounding, and all are numbers.
 fn are_units(rows: &Matrix) -> bool {
     rows.rows().all(|row| row.iter().map(|value| value * value).sum::<f32>() < 1.001)
+}
+
+/// The names of the arrays of a linear SVM: weights, thresholds, numbers of support vectors.
+type LinearNames = [&'static str; 3];
+
+const KEYPOINT_NAMES: LinearNames = ["svm.weights", "svm.rho", "svm.n_support_vectors"];
+const CUE_NAMES: LinearNames = ["cue.weights", "cue.rho", "cue.n_support_vectors"];
+
+fn linear_arrays([weights, rho, n_support_vectors]: &LinearNames, svm: &LinearSvm) -> [Array; 3] {
+    [
+        Array::matrix(weights, svm.weights()),
+        Array::vector(rho, svm.rho()),
+        Array::counts(n_support_vectors, svm.n_support_vectors().iter().copied()),
+    ]
+}
+
+fn read_linear(
+    [weights, rho, n_support_vectors]: &LinearNames,
+    scheme: Scheme,
+    (n_places, n_features): (usize, usize),
+    file: &SafeTensors,
+) -> Result<LinearSvm, FormatError> {
+    let weights = arrays::read_matrix(file, weights)?;
+    require(weights.n_cols() == n_features, "its machines do not fit what they see")?;
+    let rho = arrays::read_vector(file, rho)?;
+    let n_support_vectors = arrays::read_counts(file, n_support_vectors)?;
+    LinearSvm::from_parts(scheme, n_places, weights, rho, n_support_vectors).map_err(|error| damaged(&error))
 }
 
 fn push_dual(arrays: &mut Vec<Array>, machines: &DualSvm) {

@@ -6,7 +6,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Random frames of three rooms: vertical stripes, horizontal stripes, dots, with noise.
-fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
+pub(super) fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
     let (width, height) = (96, 72);
     let (shift_x, shift_y) = (random.random_range(0..24), random.random_range(0..24));
     let pixels = (0..width * height).map(|idx| {
@@ -21,12 +21,12 @@ fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
     Image::from_pixels(width, height, pixels.collect()).unwrap()
 }
 
-fn config() -> Config {
+pub(super) fn config() -> Config {
     let bag = vocabulary::Config { n_words: 40, ..vocabulary::Config::default() };
     Config { representation: Representation::Bag(bag), ..Config::default() }
 }
 
-fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample> {
+pub(super) fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let extractor = Extractor::new(config, Camera::new(Projection::Perspective));
     (0..n_frames)
@@ -89,7 +89,7 @@ fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
     for classifier in classifiers {
         let mut config = Config { classifier, ..config() };
         if matches!(config.classifier, Classifier::MatchSvm(_)) {
-            config.representation = Representation::Descriptors;
+            config.representation = Representation::Descriptors {};
         }
         let model = trained(&config).model;
         let bytes = model.to_bytes().unwrap();
@@ -103,6 +103,39 @@ fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
             assert_eq!(back.recognize(&frame, &mut Scratch::default()), answer);
         }
     }
+}
+
+#[test]
+fn a_cue_takes_part_in_every_answer_and_comes_back_from_the_file() {
+    let weighing = |weight| {
+        let svm = crate::svm::Config { scheme: Scheme::OneVsOne, ..crate::svm::Config::default() };
+        let cue = FrameLbpCue { weight, svm, ..FrameLbpCue::default() };
+        Config { cue: Some(Cue::FrameLbp(cue)), ..config() }
+    };
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let frame = frame(1, &mut random);
+    let answer = |model: &Model| model.recognize(&frame, &mut Scratch::default());
+    let without = answer(&trained(&config()).model);
+    let unheard = answer(&trained(&weighing(0.0)).model);
+    for (a, b) in without.probabilities.iter().zip(&unheard.probabilities) {
+        assert!((a - b).abs() < 1e-5, "{without:?} {unheard:?}");
+    }
+    let Training { model, held_out } = trained(&weighing(0.7));
+    assert_ne!(answer(&model).probabilities, without.probabilities);
+    let places = ["stripes", "bars", "dots"];
+    let is_right =
+        |answer: &&HeldOut| model.places()[answer.recognition.place_idx] == places[answer.sample_idx % 3];
+    assert!(held_out.iter().filter(is_right).count() > 44);
+    let bytes = model.to_bytes().unwrap();
+    let back = Model::from_bytes(&bytes).unwrap();
+    assert_eq!((back.to_bytes().unwrap(), answer(&back)), (bytes, answer(&model)));
+}
+
+#[test]
+fn a_model_without_a_cue_does_not_mention_it() {
+    let file = trained(&config()).model.to_bytes().unwrap();
+    assert!(!file.windows(3).any(|window| window == b"cue"));
+    assert!(!toml::to_string(&Config::default()).unwrap().contains("cue"));
 }
 
 #[test]
@@ -120,7 +153,7 @@ fn evidence_sums_to_the_decision_value() {
     let features = model.features(&frame(2, &mut random), &mut Scratch::default());
     let evidence = model.explain(&features, 1);
     assert_eq!(evidence.len(), features.keypoints.len());
-    let Machines::Linear(vocabulary, svm) = &model.classification.machines else { panic!("not linear") };
+    let Machines::Linear(vocabulary, svm) = model.machines() else { panic!("not linear") };
     let bag = vocabulary.bag_of(&features.descriptors);
     let sum: f32 = evidence.iter().map(|evidence| evidence.weight).sum();
     assert!((sum - svm.rho()[1] - svm.decision_values(&bag)[1]).abs() < 1e-3);

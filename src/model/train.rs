@@ -1,13 +1,14 @@
 //! Labeled frames to a model.
 
+use super::cue::{Opinion, Sight, pooled};
+use super::held_out::{self, HeldOutDecisions, spread_out};
 use super::machines::Machines;
-use super::{Card, Classification, Config, Extractor, Features, Model, Recognition, Sigmoids};
+use super::{Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition};
 use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::filter::Transitions;
 use crate::folds::{folds, spread_single_fold_labels};
-use crate::matrix::Matrix;
-use crate::svm::{self, Calibration, Scheme, SvmError};
+use crate::svm::{self, Calibration, SvmError};
 use crate::vocabulary::VocabularyError;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -109,9 +110,15 @@ impl Model {
         progress(TrainingStep { n_done: n_folds, n_steps });
 
         let machines = trainer.fit(&(0..samples.len()).collect::<Vec<_>>())?.machines;
-        let calibration = trainer.calibrate(decisions.iter())?;
+        let decisions: Vec<&Decision> = decisions.iter().collect();
+        let calibrations = trainer.calibrate(&decisions)?;
+        let weights = config.sights().map(|sight| config.weight(sight));
+        let opinions = machines.into_iter().zip(calibrations).zip(weights);
+        let opinions = opinions
+            .map(|((machines, calibration), weight)| Opinion { machines, calibration, weight })
+            .collect();
         let known_probability = trainer.known_probability(&held_out);
-        let classification = Classification { machines, calibration, known_probability };
+        let classification = Classification { opinions, known_probability };
         let held_out = held_out.into_iter().map(|mut answer| {
             answer.recognition.known = answer.recognition.probability() >= known_probability;
             answer
@@ -123,6 +130,8 @@ impl Model {
             places,
             extractor: Extractor::new(config, camera),
             classification,
+            held_out: matches!(config.classifier, Classifier::KernelSvm(_))
+                .then(|| trainer.gathered((0, Sight::Keypoints), &decisions).thinned()),
             card: Card::default(),
         };
         progress(TrainingStep { n_done: n_steps, n_steps });
@@ -138,10 +147,10 @@ struct Trainer<'a> {
     config: &'a Config,
 }
 
-/// The decision values for a sample by machines trained without its fold.
+/// The decision values for a sample by machines trained without its fold: a list for each sight.
 struct Decision {
     sample_idx: usize,
-    values: Vec<f32>,
+    values: Vec<Vec<f32>>,
 }
 
 impl Trainer<'_> {
@@ -159,9 +168,9 @@ impl Trainer<'_> {
         let present: Vec<usize> = labels.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
         let dense: Vec<usize> =
             labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
-        let frames: Vec<&Matrix> =
-            sample_idxs.iter().map(|&idx| &self.samples[idx].features.descriptors).collect();
-        let machines = Machines::train(&frames, &dense, present.len(), self.config)?;
+        let frames: Vec<&Features> = sample_idxs.iter().map(|&idx| &self.samples[idx].features).collect();
+        let train = |sight| Machines::train(sight, &frames, (&dense, present.len()), self.config);
+        let machines = self.config.sights().map(train).collect::<Result<_, _>>()?;
         Ok(Fitted { machines, present })
     }
 
@@ -179,33 +188,36 @@ impl Trainer<'_> {
             return Ok(Vec::new());
         }
         let fitted = self.fit(&training)?;
-        let scheme = self.config.classifier.scheme();
         let decide = |&sample_idx: &usize| {
-            let values = fitted.machines.decision_values(&self.samples[sample_idx].features.descriptors);
-            Decision { sample_idx, values: fitted.spread_out(scheme, self.n_places, &values) }
+            let features = &self.samples[sample_idx].features;
+            let by = |(machines, sight): (&Machines, Sight)| {
+                let values = machines.decision_values(features);
+                spread_out(self.config.scheme(sight), &fitted.present, self.n_places, &values)
+            };
+            Decision {
+                sample_idx,
+                values: fitted.machines.iter().zip(self.config.sights()).map(by).collect(),
+            }
         };
         Ok(held_out.par_iter().map(decide).collect())
     }
 
-    fn calibrate<'d>(
-        &self,
-        decisions: impl Iterator<Item = &'d Decision>,
-    ) -> Result<Calibration, TrainError> {
-        let scheme = self.config.classifier.scheme();
-        let mut values = Matrix::new(scheme.n_machines(self.n_places));
-        let mut labels = Vec::new();
+    /// The decisions of one sight.
+    fn gathered(&self, (sight_idx, sight): (usize, Sight), decisions: &[&Decision]) -> HeldOutDecisions {
+        let mut gathered = HeldOutDecisions::new(self.config.scheme(sight).n_machines(self.n_places));
         for decision in decisions {
-            values.push_row(&decision.values);
-            labels.push(self.labels[decision.sample_idx]);
+            gathered.push(&decision.values[sight_idx], self.labels[decision.sample_idx]);
         }
-        if labels.is_empty() {
-            return Err(TrainError::NothingHeldOut);
-        }
-        let fit = match self.config.calibration.sigmoids {
-            Sigmoids::PerMachine => Calibration::fit,
-            Sigmoids::Shared => Calibration::fit_shared,
+        gathered
+    }
+
+    /// One calibration a sight.
+    fn calibrate(&self, decisions: &[&Decision]) -> Result<Vec<Calibration>, TrainError> {
+        let calibrate = |(sight_idx, sight)| {
+            let gathered = self.gathered((sight_idx, sight), decisions);
+            gathered.calibration(self.config.scheme(sight), self.n_places, self.config.calibration.sigmoids)
         };
-        Ok(fit(scheme, &values, &labels, self.n_places)?)
+        self.config.sights().enumerate().map(calibrate).collect()
     }
 
     /// Each fold's answers, calibrated on the other folds; on all where there is only one.
@@ -219,9 +231,12 @@ impl Trainer<'_> {
         let mut held_out = Vec::with_capacity(decisions.len());
         for &fold in &answered {
             let others = |decision: &&Decision| fold_of(decision) != fold || answered.len() == 1;
-            let calibration = self.calibrate(decisions.iter().filter(others))?;
+            let calibrations = self.calibrate(&decisions.iter().filter(others).collect::<Vec<_>>())?;
             for decision in decisions.iter().filter(|decision| fold_of(decision) == fold) {
-                let probabilities = calibration.probabilities(&decision.values);
+                let of_sights = self.config.sights().zip(calibrations.iter().zip(&decision.values));
+                let probabilities = pooled(of_sights.map(|(sight, (calibration, values))| {
+                    (self.config.weight(sight), calibration.probabilities(values))
+                }));
                 let place_idx = svm::most_probable(&probabilities);
                 let n_keypoints = self.samples[decision.sample_idx].features.keypoints.len();
                 let recognition = Recognition { place_idx, known: false, probabilities, n_keypoints };
@@ -232,55 +247,19 @@ impl Trainer<'_> {
         Ok(held_out)
     }
 
-    /// The lowest probability from which on held-out answers were right often enough; 1 when there is none.
     fn known_probability(&self, held_out: &[HeldOut]) -> f32 {
-        let mut answers: Vec<(f32, bool)> = held_out
-            .iter()
-            .map(|answer| {
-                let correct = answer.recognition.place_idx == self.labels[answer.sample_idx];
-                (answer.recognition.probability(), correct)
-            })
-            .collect();
-        answers.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let mut n_correct = 0;
-        let mut lowest = 1.0;
-        for (rank, &(probability, correct)) in answers.iter().enumerate() {
-            n_correct += usize::from(correct);
-            if n_correct as f32 >= self.config.calibration.known_precision * (rank + 1) as f32 {
-                lowest = probability;
-            }
-        }
-        lowest
+        let is_right = |answer: &HeldOut| {
+            let is_right = answer.recognition.place_idx == self.labels[answer.sample_idx];
+            (answer.recognition.probability(), is_right)
+        };
+        held_out::known_probability(held_out.iter().map(is_right).collect(), &self.config.calibration)
     }
 }
 
 /// Machines, and the classes that they were trained on.
 struct Fitted {
-    machines: Machines,
+    /// One for each sight.
+    machines: Vec<Machines>,
     /// Sorted.
     present: Vec<usize>,
-}
-
-impl Fitted {
-    /// The decision values among all classes. The machine of a class that was not trained says a clear no (-1);
-    /// a machine for a pair with such a class is undecided (0).
-    fn spread_out(&self, scheme: Scheme, n_classes: usize, values: &[f32]) -> Vec<f32> {
-        let trained = |class: usize| self.present.binary_search(&class).ok();
-        match scheme {
-            Scheme::OneVsAll => {
-                (0..n_classes).map(|class| trained(class).map_or(-1.0, |machine| values[machine])).collect()
-            }
-            Scheme::OneVsOne => {
-                let n_present = self.present.len();
-                let machine = |a: usize, b: usize| a * (2 * n_present - a - 1) / 2 + b - a - 1;
-                (0..n_classes)
-                    .flat_map(|a| (a + 1..n_classes).map(move |b| (a, b)))
-                    .map(|(a, b)| match (trained(a), trained(b)) {
-                        (Some(a), Some(b)) => values[machine(a, b)],
-                        _ => 0.0,
-                    })
-                    .collect()
-            }
-        }
-    }
 }

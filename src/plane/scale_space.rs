@@ -37,6 +37,14 @@ impl Levels {
         first * (octave_idx as f32).exp2()
     }
 
+    /// The memory that all planes of an image take, the image being square: four bytes a pixel, and each octave
+    /// a quarter of the one before.
+    pub fn max_bytes(&self, side: usize) -> u64 {
+        let first_side = side as u64 * if self.doubled { 2 } else { 1 };
+        let n_pixels = first_side.saturating_mul(first_side);
+        n_pixels.saturating_mul(4 * (self.n_layers as u64 + 3)).saturating_add(n_pixels) / 3 * 4
+    }
+
     /// The level, counted from the first plane of the first octave, whose sigma is nearest to `scale` pixels
     /// of the image; below 0 for smaller ones.
     fn nearest(&self, scale: f32) -> f32 {

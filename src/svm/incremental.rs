@@ -11,7 +11,7 @@
 //! those chosen so far is chosen next, as in a Cholesky decomposition with pivots: a larger threshold then
 //! keeps a part of what a smaller one keeps.
 
-use super::{DualSvm, KernelConfig, KernelFunction, KernelSvm, SvmError, check_shape, to_f32};
+use super::{Config, DualSvm, KernelConfig, KernelFunction, KernelSvm, SvmError, check_shape, to_f32};
 use crate::matrix::Matrix;
 
 /// The share of the largest k(x, x) below which a squared distance is rounding.
@@ -39,28 +39,37 @@ impl IncrementalSvm {
     ) -> Result<Self, SvmError> {
         let (svm, support_idxs) = KernelSvm::train_and_locate(rows, labels, n_classes, config)?;
         let labels = support_idxs.into_iter().map(|row_idx| labels[row_idx]).collect();
-        let config = KernelConfig { kernel: svm.kernel().into(), ..config.clone() };
+        Self::from_parts(svm, labels, &config.machines)
+    }
+
+    /// An SVM to go on with. Support vector i is of class `labels[i]`, as [`IncrementalSvm::updated`] will
+    /// number them: where it brings new classes, the old ones may have other numbers than before.
+    ///
+    /// # Errors
+    /// More or fewer labels than support vectors.
+    pub fn from_parts(svm: KernelSvm, labels: Vec<usize>, machines: &Config) -> Result<Self, SvmError> {
+        check_shape("labels of support vectors", labels.len(), svm.support_vectors().n_rows())?;
+        let config = KernelConfig { kernel: svm.kernel().into(), machines: machines.clone() };
         Ok(Self { svm, labels, config })
     }
 
-    /// Trains on the support vectors and new rows of the same classes.
+    /// Trains on the support vectors and new rows, row i of class `labels[i]` < `n_classes`.
     ///
     /// # Errors
     /// Those of [`KernelSvm::train`]; rows of another width.
-    pub fn updated(&self, rows: &Matrix, labels: &[usize]) -> Result<Self, SvmError> {
+    pub fn updated(&self, rows: &Matrix, labels: &[usize], n_classes: usize) -> Result<Self, SvmError> {
         check_shape("features of a row", rows.n_cols(), self.svm.n_features())?;
         let mut all_rows = self.svm.support_vectors().clone();
         rows.rows().for_each(|row| all_rows.push_row(row));
-        let all_labels = [&self.labels, labels].concat();
-        Self::train(&all_rows, &all_labels, self.svm.machines().n_classes(), &self.config)
+        Self::train(&all_rows, &[&self.labels, labels].concat(), n_classes, &self.config)
     }
 
     /// Drops support vectors whose squared distance in feature space from the span of the others is at most
-    /// `threshold`. A decision value at x changes by at most sqrt(threshold k(x, x)) times the sum of the
-    /// dropped coefficients of its machine; at threshold 0, but for rounding, not at all.
+    /// `threshold` times the largest k(s, s) of a support vector s. With r that product, a decision value at x
+    /// changes by at most sqrt(r k(x, x)) times the sum of the dropped coefficients of its machine; at
+    /// threshold 0, but for rounding, not at all.
     ///
-    /// A threshold near k(x, x) may drop whole classes; [`IncrementalSvm::updated`] then needs new rows of
-    /// them.
+    /// A threshold near 1 may drop whole classes; [`IncrementalSvm::updated`] then needs new rows of them.
     ///
     /// # Errors
     /// A threshold that is negative, not finite, or so large that no support vector is left.
@@ -91,6 +100,11 @@ impl IncrementalSvm {
     pub fn svm(&self) -> &KernelSvm {
         &self.svm
     }
+
+    /// The SVM as it is now, and the class of each of its support vectors.
+    pub fn into_parts(self) -> (KernelSvm, Vec<usize>) {
+        (self.svm, self.labels)
+    }
 }
 
 /// Vectors that nearly span all of them in feature space.
@@ -105,7 +119,7 @@ struct Basis {
 impl Basis {
     fn choose(vectors: &Matrix, kernel: KernelFunction, threshold: f64) -> Self {
         let mut distances: Vec<f64> = vectors.rows().map(|row| kernel.exact_value(row, row)).collect();
-        let limit = threshold.max(ROUNDING * distances.iter().copied().fold(0.0, f64::max));
+        let limit = threshold.max(ROUNDING) * distances.iter().copied().fold(0.0, f64::max);
         let mut basis = Self { chosen: Vec::new(), columns: Vec::new() };
         // At most as many rounds as vectors: the distance of a chosen one is set to zero.
         while let Some((pivot_idx, &distance)) =
@@ -210,7 +224,7 @@ mod tests {
             IncrementalSvm::train(&first, first_labels, n_classes, &KernelConfig::default()).unwrap();
         for range in [60..100, 100..150] {
             let (more, more_labels) = part(range);
-            svm = svm.updated(&more, more_labels).unwrap().reduced(1e-3).unwrap();
+            svm = svm.updated(&more, more_labels, n_classes).unwrap().reduced(1e-3).unwrap();
         }
         for (row, &label) in rows.rows().zip(&labels) {
             let values = svm.svm().decision_values(row);
@@ -220,12 +234,39 @@ mod tests {
     }
 
     #[test]
+    fn a_new_class_may_come_between_the_old_ones() {
+        let Set { rows, labels, n_classes } = bags(43, 90, 3, 0.5);
+        let is_new = |idx: &usize| labels[*idx] == 1;
+        let (later, earlier): (Vec<usize>, Vec<usize>) = (0..rows.n_rows()).partition(is_new);
+        let part = |idxs: &[usize]| {
+            let mut part = Matrix::new(rows.n_cols());
+            idxs.iter().for_each(|&idx| part.push_row(rows.row(idx)));
+            part
+        };
+        let two_classes: Vec<usize> = earlier.iter().map(|&idx| labels[idx] / 2).collect();
+        let config = KernelConfig::default();
+        let (svm, old_labels) =
+            IncrementalSvm::train(&part(&earlier), &two_classes, 2, &config).unwrap().into_parts();
+        let renumbered = old_labels.iter().map(|label| label * 2).collect();
+        let svm = IncrementalSvm::from_parts(svm, renumbered, &config.machines).unwrap();
+        let svm = svm.updated(&part(&later), &vec![1; later.len()], n_classes).unwrap();
+        for (row, &label) in rows.rows().zip(&labels) {
+            let values = svm.svm().decision_values(row);
+            assert!((0..n_classes).all(|class| values[class] <= values[label]), "{values:?}, {label}");
+        }
+        let (svm, mut labels) = svm.into_parts();
+        labels.pop();
+        let cut = IncrementalSvm::from_parts(svm, labels, &config.machines);
+        assert!(matches!(cut, Err(SvmError::WrongShape { .. })));
+    }
+
+    #[test]
     fn bad_thresholds_and_rows_are_refused() {
         let Set { rows, labels, n_classes } = bags(42, 30, 3, 1.0);
         let svm = IncrementalSvm::train(&rows, &labels, n_classes, &KernelConfig::default()).unwrap();
         for threshold in [-1.0, f64::NAN, f64::INFINITY, 1.1] {
             assert!(matches!(svm.reduced(threshold), Err(SvmError::Threshold { .. })));
         }
-        assert!(matches!(svm.updated(&Matrix::new(5), &[]), Err(SvmError::WrongShape { .. })));
+        assert!(matches!(svm.updated(&Matrix::new(5), &[], 3), Err(SvmError::WrongShape { .. })));
     }
 }

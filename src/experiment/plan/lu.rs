@@ -70,7 +70,7 @@ fn cell(row: &str, column: &str, train: &[usize], test: usize, config: Config) -
 fn bag_of(config: &Config) -> vocabulary::Config {
     match &config.representation {
         Representation::Bag(bag) => bag.clone(),
-        Representation::Descriptors => vocabulary::Config::default(),
+        Representation::Descriptors {} => vocabulary::Config::default(),
     }
 }
 
@@ -215,7 +215,7 @@ pub(super) fn best(drives: &Drives, base: &Config) -> Result<Plan, ExperimentErr
     let experiment = Experiment::Best;
     let train = experiment.lu(drives, &LU_TRAININGS[..1])?[0].0;
     let matching = Config {
-        representation: Representation::Descriptors,
+        representation: Representation::Descriptors {},
         classifier: Classifier::MatchSvm(svm::MatchConfig::default()),
         ..base.clone()
     };
