@@ -20,20 +20,43 @@ pub(super) enum Machines {
     Match(MatchSvm),
 }
 
+/// The descriptors of frames that are trained on again and again: without each fold, and all together.
+pub(super) struct TrainingSet<'a> {
+    frames: Vec<&'a Matrix>,
+    config: &'a Config,
+    /// How alike all pairs of frames are, where that is what machines see: the same for all folds.
+    gram: Option<Matrix>,
+}
+
+impl<'a> TrainingSet<'a> {
+    pub(super) fn new(frames: Vec<&'a Matrix>, config: &'a Config) -> Result<Self, TrainError> {
+        let gram = match &config.classifier {
+            Classifier::MatchSvm(config) => Some(MatchSvm::gram(&frames, config)?),
+            _ => None,
+        };
+        Ok(Self { frames, config, gram })
+    }
+}
+
 impl Machines {
-    /// Trains on the descriptors of frames, where frame i is of class `labels[i]` < `n_classes`, and no class is
-    /// without a frame.
+    /// Trains on frames of a set, where frame i is of class `labels[i]` < `n_classes`, and no class is without a
+    /// frame.
     pub(super) fn train(
-        frames: &[&Matrix],
+        set: &TrainingSet,
+        frame_idxs: &[usize],
         labels: &[usize],
         n_classes: usize,
-        config: &Config,
     ) -> Result<Self, TrainError> {
+        let config = set.config;
+        let frames: Vec<&Matrix> = frame_idxs.iter().map(|&idx| set.frames[idx]).collect();
         let Representation::Bag(bag) = &config.representation else {
-            let Classifier::MatchSvm(config) = &config.classifier else { return Err(mismatch()) };
-            return Ok(Self::Match(MatchSvm::train(frames, labels, n_classes, config)?));
+            let (Classifier::MatchSvm(config), Some(gram)) = (&config.classifier, &set.gram) else {
+                return Err(mismatch());
+            };
+            let gram = among(gram, frame_idxs);
+            return Ok(Self::Match(MatchSvm::train_over((&frames, &gram), labels, n_classes, config)?));
         };
-        let vocabulary = Vocabulary::train(frames, bag, config.seed)?;
+        let vocabulary = Vocabulary::train(&frames, bag, config.seed)?;
         let bags: Vec<Vec<f32>> =
             frames.par_iter().map(|descriptors| vocabulary.bag_of(descriptors)).collect();
         let mut rows = Matrix::new(vocabulary.n_words());
@@ -188,6 +211,16 @@ impl Machines {
             Classifier::MatchSvm(_) => Err(damaged(&mismatch())),
         }
     }
+}
+
+/// The rows and columns of some frames.
+fn among(gram: &Matrix, frame_idxs: &[usize]) -> Matrix {
+    let mut part = Matrix::new(frame_idxs.len());
+    for &row_idx in frame_idxs {
+        let row = gram.row(row_idx);
+        part.push_row(&Vec::from_iter(frame_idxs.iter().map(|&idx| row[idx])));
+    }
+    part
 }
 
 /// What [`Config::check`] has refused before.

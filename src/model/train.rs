@@ -1,6 +1,6 @@
 //! Labeled frames to a model.
 
-use super::machines::Machines;
+use super::machines::{Machines, TrainingSet};
 use super::{Card, Classification, Config, Extractor, Features, Model, Recognition, Sigmoids};
 use crate::boost::BoostError;
 use crate::camera::Camera;
@@ -93,7 +93,9 @@ impl Model {
         }
         let labels: Vec<usize> =
             samples.iter().map(|sample| places.binary_search(&sample.place).unwrap_or_default()).collect();
-        let trainer = Trainer { samples, labels: &labels, n_places: places.len(), config };
+        let descriptors = samples.iter().map(|sample| &sample.features.descriptors).collect();
+        let set = TrainingSet::new(descriptors, config)?;
+        let trainer = Trainer { samples, labels: &labels, n_places: places.len(), config, set };
 
         let folds = trainer.folds();
         let n_folds = folds.iter().max().map_or(0, |last| last + 1);
@@ -133,6 +135,7 @@ struct Trainer<'a> {
     labels: &'a [usize],
     n_places: usize,
     config: &'a Config,
+    set: TrainingSet<'a>,
 }
 
 /// The decision values for a sample by machines trained without its fold.
@@ -156,9 +159,7 @@ impl Trainer<'_> {
         let present: Vec<usize> = labels.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
         let dense: Vec<usize> =
             labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
-        let frames: Vec<&Matrix> =
-            sample_idxs.iter().map(|&idx| &self.samples[idx].features.descriptors).collect();
-        let machines = Machines::train(&frames, &dense, present.len(), self.config)?;
+        let machines = Machines::train(&self.set, sample_idxs, &dense, present.len())?;
         Ok(Fitted { machines, present })
     }
 
