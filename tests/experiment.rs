@@ -143,6 +143,26 @@ fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
         assert!(again == entry || entry["plan"]["experiment"] == "cost");
     }
 
+    // What cannot be trained is told in its place, and the rest goes on.
+    let other = folder.path().join("other");
+    let words = ["--stride", "5", "--seeds", "1", "--set", "representation.n_words=60000"];
+    let experiment = ["experiment", "words", "--data", text(&data), "--report", text(&other)];
+    let (code, said) =
+        roomsight(&[&experiment[..], &words, &["--set", "representation.max_rounds=2"]].concat());
+    assert_eq!(code, 0, "{said}");
+    assert!(said.contains("k = 60000, night1: not measured") && said.contains("too few"), "{said}");
+    let parsed: Value = serde_json::from_slice(&fs::read(other.join("report.json")).unwrap()).unwrap();
+    let kinds: Vec<&str> = parsed["entries"][0]["measured"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|measured| measured["kind"].as_str().unwrap())
+        .collect();
+    assert_eq!(kinds, [&["rates"; 24][..], &["impossible"; 3]].concat());
+    assert!(
+        fs::read_to_string(other.join("report.html")).unwrap().contains("k = 60000, night1: not measured")
+    );
+
     // A changed frame changes what is answered of its drive, and of the models trained on it.
     let frames = data.join("cold-freiburg/part_a/seq1_cloudy1/std_cam");
     let first = fs::read_dir(frames).unwrap().map(|entry| entry.unwrap().path()).min().unwrap();
@@ -176,15 +196,40 @@ fn what_cannot_work_is_said_before_it_starts() {
     frame(1, 2, false).save(other.join("bath/1.png")).unwrap();
     assert!(refused(&other, "best").contains("named as those of COLD"));
 
-    let (code, said) = roomsight(&[
-        "experiment",
-        "best",
-        "--data",
-        text(&few),
-        "--report",
-        text(&report),
-        "--set",
-        "classifier.c=nan",
-    ]);
-    assert_eq!(code, 1, "{said}");
+    let bare = folder.path().join("bare");
+    write_cold(&bare, &DRIVES[..1], &LABELS);
+    let drive = bare.join(DRIVES[0].0).join(DRIVES[0].1);
+    let frames = |camera: &str| fs::read_dir(drive.join(camera)).unwrap().map(|entry| entry.unwrap().path());
+    frames("omni_cam").for_each(|frame| fs::write(frame, "no picture").unwrap());
+    assert!(refused(&bare, "best").contains("can be read"));
+    ["std_cam", "omni_cam"]
+        .iter()
+        .for_each(|camera| frames(camera).for_each(|frame| fs::remove_file(frame).unwrap()));
+    assert!(refused(&bare, "best").contains("labeled in places.lst, but there is no such file"));
+    fs::remove_file(drive.join("localization/places.lst")).unwrap();
+    assert!(refused(&bare, "best").contains("have no place"));
+}
+
+#[test]
+fn parameters_that_cannot_work_are_said_before_it_starts() {
+    let folder = TempDir::new().unwrap();
+    let (data, report) = (folder.path().join("cold"), folder.path().join("report"));
+    write_cold(&data, &DRIVES[..6], &LABELS);
+    let experiment = ["experiment", "words", "--data", text(&data), "--report", text(&report)];
+    let refused = |parameters: &[&str], reason: &str| {
+        let set = parameters.iter().flat_map(|parameter| ["--set", parameter]);
+        let (code, said) = roomsight(&experiment.into_iter().chain(set).collect::<Vec<_>>());
+        assert_eq!(code, 1, "{said}");
+        assert!(said.contains(reason), "{said}");
+        assert!(
+            !report.join("answers").exists() || fs::read_dir(report.join("answers")).unwrap().count() == 0
+        );
+    };
+    refused(&["classifier.c=nan"], "c is NaN");
+    for gamma in ["0", "nan"] {
+        let gamma = format!("classifier.kernel.gamma={gamma}");
+        refused(&["classifier.kind=kernel_svm", &gamma], "it must be positive and finite");
+    }
+    refused(&["representation.kind=descriptors", "classifier.kind=match_svm"], "words: match_svm compares");
+    refused(&["calibration.sigmoids=per_machine", "calibration.n_folds=80"], "fewer than the 80 folds");
 }

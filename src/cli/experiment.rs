@@ -73,6 +73,9 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
     let mut config = args.config.read()?;
     let dataset = dataset::open(&args.data)?;
     data::report(&dataset.problems);
+    if dataset.frames.is_empty() {
+        dataset.check()?;
+    }
     let (mut n_seeds, mut stride) = (args.seeds, args.stride);
     if args.quick {
         (n_seeds, stride) = (n_seeds.min(2), stride.max(quick_stride(&dataset)));

@@ -9,7 +9,7 @@ use serde::Serialize;
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Measured {
     /// How often the right room was answered.
-    Rates(Rates),
+    Rates(Box<Rates>),
     /// Keypoints found again in other light.
     Matches(Matches),
     /// Time and memory.
@@ -91,7 +91,7 @@ impl Measured {
     /// The rates, where rates were measured.
     pub fn rates(&self) -> Option<&Rates> {
         match self {
-            Self::Rates(rates) => Some(rates),
+            Self::Rates(rates) => Some(rates.as_ref()),
             _ => None,
         }
     }

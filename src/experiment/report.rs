@@ -167,11 +167,9 @@ pub fn cpu(measured: &[Measured]) -> Option<&str> {
 }
 
 fn keypoint_table(plan: &Plan, measured: &[Measured]) -> String {
-    table(plan, measured, |_, measured| match measured {
-        Measured::Rates(Rates { keypoints: KeypointCounts { least, mean, most }, .. }) => {
-            format!("{mean:.0} ({least} to {most})")
-        }
-        other => figure(other),
+    table(plan, measured, |_, measured| match measured.rates().map(|rates| rates.keypoints) {
+        Some(KeypointCounts { least, mean, most }) => format!("{mean:.0} ({least} to {most})"),
+        None => figure(measured),
     })
 }
 

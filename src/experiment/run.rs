@@ -120,7 +120,7 @@ impl Runner<'_> {
                     let answers = splits.iter().map(|split| self.answer(&config, split, *occlusion));
                     seeds.push(answers.collect::<Result<_, _>>()?);
                 }
-                Ok(Measured::Rates(Rates::new(self.drives, &seeds)))
+                Ok(Measured::Rates(Box::new(Rates::new(self.drives, &seeds))))
             }
             Work::Match { drives } => {
                 on_seed(0);

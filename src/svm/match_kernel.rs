@@ -36,8 +36,10 @@ pub enum InnerKernel {
 }
 
 impl Default for InnerKernel {
+    /// A larger gamma does a little better where frames lie close together, but takes frames that lie apart for
+    /// strangers (docs/RESULTS.md).
     fn default() -> Self {
-        Self::Rbf { gamma: 10.0 }
+        Self::Rbf { gamma: 4.0 }
     }
 }
 
