@@ -88,10 +88,10 @@ fn frame(room: usize, seed: u32, in_mirror: bool) -> GrayImage {
     })
 }
 
-fn run_all(data: &Path, report: &Path) -> (i32, String) {
+fn run(data: &Path, report: &Path, name: &str) -> (i32, String) {
     let words = ["--set", "representation.n_words=40"];
-    let all = ["experiment", "all", "--quick", "--data", text(data), "--report", text(report)];
-    roomsight(&[&all[..], &words].concat())
+    let experiment = ["experiment", name, "--quick", "--data", text(data), "--report", text(report)];
+    roomsight(&[&experiment[..], &words].concat())
 }
 
 #[test]
@@ -99,7 +99,7 @@ fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
     let folder = TempDir::new().unwrap();
     let (data, report) = (folder.path().join("cold"), folder.path().join("report"));
     write_cold(&data, &DRIVES, &LABELS);
-    let (code, said) = run_all(&data, &report);
+    let (code, said) = run(&data, &report, "all");
     assert_eq!(code, 0, "{said}");
 
     let json = fs::read_to_string(report.join("report.json")).unwrap();
@@ -134,7 +134,7 @@ fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
 
     let n_answers = || fs::read_dir(report.join("answers")).unwrap().count();
     let before = n_answers();
-    let (code, said) = run_all(&data, &report);
+    let (code, said) = run(&data, &report, "all");
     assert_eq!(code, 0, "{said}");
     assert_eq!(n_answers(), before);
     let again: Value = serde_json::from_slice(&fs::read(report.join("report.json")).unwrap()).unwrap();
@@ -167,7 +167,7 @@ fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
     let frames = data.join("cold-freiburg/part_a/seq1_cloudy1/std_cam");
     let first = fs::read_dir(frames).unwrap().map(|entry| entry.unwrap().path()).min().unwrap();
     frame(2, 9999, false).save(first).unwrap();
-    assert_eq!(run_all(&data, &report).0, 0);
+    assert_eq!(run(&data, &report, "dynamic").0, 0);
     assert!(n_answers() > before);
 }
 

@@ -150,11 +150,10 @@ impl Tuner<'_> {
             _ => data::describe(self.dataset, &Extractor::new(&config, self.camera.clone()))?,
         };
         let (_, described) = self.described.insert((config.clone(), described));
-        let rounds =
-            |seed| validate::rounds(&described.samples, &Protocol::Sequences(self.args.folds.folds), seed);
+        let protocol = Protocol::Sequences(self.args.folds.folds);
         let (mut rates, mut means) = (Vec::new(), Vec::new());
         for seed in 0..self.args.folds.seeds {
-            let rounds = rounds(seed);
+            let rounds = validate::rounds(&described.samples, &protocol, seed);
             if rounds.is_empty() {
                 bail!("no room has sequences both to train and to answer: drive through the rooms again");
             }

@@ -22,7 +22,7 @@ pub struct Drive {
     pub near_border: Vec<Option<bool>>,
     /// The camera that took it.
     pub camera: Camera,
-    /// The digest of all its frames and labels.
+    /// The digest of all its frames, labels and poses.
     pub digest: String,
 }
 
@@ -152,6 +152,8 @@ fn digest(dataset: &Dataset) -> String {
         let bytes = fs::read(&frame.path).unwrap_or_default();
         hasher.update(blake3::hash(&bytes).as_bytes());
         hasher.update(blake3::hash(frame.place.as_bytes()).as_bytes());
+        let pose = frame.pose.map(|pose| [pose.x, pose.y, pose.angle].map(f64::to_le_bytes));
+        hasher.update(pose.unwrap_or_default().as_flattened());
     }
     hasher.finalize().to_hex().to_string()
 }

@@ -2,7 +2,7 @@
 
 use super::{Drives, FrameAnswer};
 use crate::evaluate::{Answer, Evaluation, Summary};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// A cell, measured.
 #[derive(Clone, Debug, Serialize)]
@@ -51,7 +51,7 @@ pub struct KeypointCounts {
 }
 
 /// Means over pairs of frames that show one place in two kinds of light.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Matches {
     /// How many pairs.
     pub n_pairs: usize,

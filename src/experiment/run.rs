@@ -2,7 +2,8 @@
 
 use super::measured::Answers;
 use super::{
-    Cache, Cell, Drives, ExperimentError, Measured, Occlusion, Plan, Rates, Split, Work, cost, stability,
+    Cache, Cell, Drive, Drives, ExperimentError, Matches, Measured, Occlusion, Plan, Rates, Split, Work,
+    cost, stability,
 };
 use crate::dataset::Described;
 use crate::model::{Config, Model, Representation, Sample};
@@ -110,7 +111,8 @@ impl Runner<'_> {
         n_seeds: u64,
         mut on_seed: impl FnMut(u64),
     ) -> Result<Measured, ExperimentError> {
-        let get = |drive_idx: usize| self.drives.get(drive_idx);
+        let all_drives = self.drives;
+        let get = |drive_idx: usize| all_drives.get(drive_idx);
         match &cell.work {
             Work::Rate { splits, occlusion } => {
                 let mut seeds: Vec<Answers> = Vec::new();
@@ -124,13 +126,23 @@ impl Runner<'_> {
             }
             Work::Match { drives } => {
                 on_seed(0);
-                stability::measure(drives.map(get), &cell.config).map(Measured::Matches)
+                self.compare(drives.map(get), &cell.config).map(Measured::Matches)
             }
             Work::Cost { train, test } => {
                 on_seed(0);
                 cost::measure([get(*train), get(*test)], &cell.config).map(Measured::Cost)
             }
         }
+    }
+
+    fn compare(&self, drives: [&Drive; 2], config: &Config) -> Result<Matches, ExperimentError> {
+        let key = key(&(env!("CARGO_PKG_VERSION"), config, drives.map(|drive| &drive.digest)));
+        if let Some(matches) = self.cache.get(&key) {
+            return Ok(matches);
+        }
+        let matches = stability::measure(drives, config)?;
+        self.cache.put(&key, &matches)?;
+        Ok(matches)
     }
 
     /// The answers to each drive that the split tests.
