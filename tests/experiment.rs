@@ -167,7 +167,7 @@ fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
     let frames = data.join("cold-freiburg/part_a/seq1_cloudy1/std_cam");
     let first = fs::read_dir(frames).unwrap().map(|entry| entry.unwrap().path()).min().unwrap();
     frame(2, 9999, false).save(first).unwrap();
-    assert_eq!(run(&data, &report, "dynamic").0, 0);
+    assert_eq!(run(&data, &report, "categorical").0, 0);
     assert!(n_answers() > before);
 }
 

@@ -123,13 +123,20 @@ pub fn match_gram(sets: &[DescriptorSet], inner: InnerKernel) -> Matrix {
 }
 
 /// What to train.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MatchConfig {
     /// The kernel of two descriptors.
     pub inner: InnerKernel,
     /// How the machines are trained.
     pub machines: Config,
+}
+
+impl Default for MatchConfig {
+    /// Frames are all alike to this kernel but for a little: a C of 1 leaves most machines at the commonest room.
+    fn default() -> Self {
+        Self { inner: InnerKernel::default(), machines: Config { c: 10.0, ..Config::default() } }
+    }
 }
 
 impl MatchConfig {

@@ -7,7 +7,7 @@ use crate::dataset::cold::{DrivenPath, SequenceName};
 use crate::describe::{Descriptor, SiftDescriptor};
 use crate::detect::{Detector, HarrisLaplace};
 use crate::model::{Classifier, Config, Representation};
-use crate::svm;
+use crate::svm::{InnerKernel, MatchConfig};
 
 /// Every drive trains once; all other drives of its lab, part and path that `is_wanted` are answered.
 fn pairs(drives: &Drives, is_wanted: impl Fn(&SequenceName, &SequenceName) -> bool) -> Vec<Split> {
@@ -31,7 +31,10 @@ fn methods(base: &Config) -> [(&'static str, Config, bool); 2] {
         detector: Detector::HarrisLaplace(HarrisLaplace { target: N_KEYPOINTS, ..HarrisLaplace::default() }),
         descriptor: Descriptor::Sift(SiftDescriptor::default()),
         representation: Representation::Descriptors,
-        classifier: Classifier::MatchSvm(svm::MatchConfig::default()),
+        classifier: Classifier::MatchSvm(MatchConfig {
+            inner: InnerKernel::Rbf { gamma: GAMMA },
+            ..MatchConfig::default()
+        }),
         ..base.clone()
     };
     [("the paper's method", of_paper, true), ("as configured", base.clone(), false)]
@@ -49,11 +52,16 @@ fn cells_of((row, column): (&str, &str), splits: &[Split], base: &Config, printe
     if splits.is_empty() { Vec::new() } else { methods(base).map(cell).to_vec() }
 }
 
+/// Of the kernel of two SIFT descriptors; not published. By cross-validation over simulated drives in three kinds of
+/// light, of which none is answered in the experiments of Lu.
+const GAMMA: f64 = 2.0;
+
 /// Keypoints of a frame that are compared; their number is not published, and the time grows with its square.
 const N_KEYPOINTS: usize = 100;
 
 const DIFFERENCES: &[&str] = &[
     "the paper's method is Harris-Laplace, SIFT and the match kernel, here with the 100 strongest keypoints of a frame",
+    "its inner kernel is Gaussian with gamma 2, and C is 10: the paper does not say",
     "nothing in it is random, so that one run stands for all seeds",
     "the rows \"as configured\" are beyond the paper: a bag of words, if nothing else was asked for",
 ];
