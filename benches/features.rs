@@ -6,13 +6,15 @@
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 
+mod lab;
+
 use image::GrayImage;
 use roomsight::camera::{Camera, Projection};
 use roomsight::describe::{Descriptor, SiftDescriptor, SurfDescriptor};
 use roomsight::detect::{Detector, HarrisLaplace, Sift, Surf};
 use roomsight::image::Image;
 use roomsight::model::{Config, Extractor, Scratch};
-use roomsight::simulate::{CameraKind, Illumination, Lab, Part, Route, SequenceSpec, Simulation};
+use roomsight::simulate::CameraKind;
 use std::collections::BTreeMap;
 use std::env;
 use std::hint::black_box;
@@ -62,16 +64,7 @@ fn methods() -> [(&'static str, Detector, Descriptor); 4] {
 
 /// Simulated frames of the perspective camera, evenly spread along a drive.
 fn frames() -> Vec<GrayImage> {
-    let spec = SequenceSpec {
-        lab: Lab::Saarbruecken,
-        part: Part::B,
-        route: Route::Standard,
-        illumination: Illumination::Cloudy,
-        run: 1,
-        seed: 0,
-        frames_per_second: 0.2,
-    };
-    let simulation = Simulation::new(&spec).unwrap();
+    let simulation = lab::drive(0.2);
     let stride = simulation.n_frames() / N_FRAMES;
     let render =
         |idx: usize| image::DynamicImage::from(simulation.render(idx * stride, CameraKind::Perspective));

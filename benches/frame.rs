@@ -5,13 +5,15 @@
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 
+mod lab;
+
 use criterion::{BenchmarkGroup, Criterion, measurement::WallTime};
 use image::codecs::jpeg::JpegEncoder;
 use roomsight::camera::{Camera, Mirror, Projection};
 use roomsight::image::{Image, Limits};
 use roomsight::matrix::Matrix;
 use roomsight::model::{Config, Extractor, Features, Model, Representation, Sample, Scratch};
-use roomsight::simulate::{CameraKind, Illumination, Lab, Part, Route, SequenceSpec, Simulation};
+use roomsight::simulate::CameraKind;
 use roomsight::svm::{self, Calibration, LinearSvm};
 use roomsight::vocabulary::Vocabulary;
 use std::hint::black_box;
@@ -43,16 +45,7 @@ struct Drive {
 
 impl Drive {
     fn render(kind: CameraKind) -> Self {
-        let spec = SequenceSpec {
-            lab: Lab::Saarbruecken,
-            part: Part::B,
-            route: Route::Standard,
-            illumination: Illumination::Cloudy,
-            run: 1,
-            seed: 0,
-            frames_per_second: 0.2,
-        };
-        let simulation = Simulation::new(&spec).unwrap();
+        let simulation = lab::drive(0.2);
         let encode = |frame_idx| {
             let mut bytes = Vec::new();
             let mut encoder = JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY);

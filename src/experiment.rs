@@ -9,17 +9,20 @@
 //! [`run()`] fills the cells over several seeds; [`report`] writes them.
 
 mod cache;
+mod cost;
 mod drives;
+mod measured;
 mod plan;
 pub mod report;
 mod run;
+mod stability;
 
 pub use cache::Cache;
 pub use drives::{Drive, Drives};
-pub use plan::{Cell, Chart, Occlusion, Plan, Split};
-pub use run::{FrameAnswer, KeypointCounts, Measured, Step, run};
+pub use measured::{Cost, KeypointCounts, Matches, Measured, Rates};
+pub use plan::{Cell, Chart, Occlusion, Plan, Split, Work};
+pub use run::{FrameAnswer, Step, run};
 
-use crate::model::TrainError;
 use clap::ValueEnum;
 use serde::Serialize;
 use std::fmt;
@@ -32,6 +35,8 @@ use std::path::PathBuf;
 pub enum Experiment {
     /// Local features (Lu, table 1)
     Features,
+    /// Keypoints found again in other light (Lu, table 2)
+    Stability,
     /// Keypoints a frame in different light (Lu, figure 5)
     Keypoints,
     /// The number of words (Lu, figure 7)
@@ -44,6 +49,8 @@ pub enum Experiment {
     Best,
     /// Parts of the frames hidden (Lu, figure 13)
     Occlusion,
+    /// Time and memory (Lu, section 6.8)
+    Cost,
     /// Every pair of drives of a lab (Ullah, figure 4)
     Dynamic,
     /// The same parameters in every lab (Ullah, section V)
@@ -86,14 +93,30 @@ pub enum ExperimentError {
     /// Nothing of a drive could be read.
     #[error("none of the frames of {0} can be read")]
     Unreadable(String),
-    /// Training failed.
-    #[error("{cell}: {source}")]
-    Train {
-        /// Which cell of the experiment.
-        cell: String,
-        /// Why.
-        source: TrainError,
+    /// Frames fewer than the folds of calibration.
+    #[error(
+        "sequence {sequence} has {n_frames} frames, fewer than the {n_folds} folds of calibration: take more of its \
+         frames (--stride), or lower calibration.n_folds"
+    )]
+    TooShort {
+        /// The sequence.
+        sequence: String,
+        /// Its frames.
+        n_frames: usize,
+        /// The folds.
+        n_folds: usize,
     },
+    /// Parameters that do not fit the experiment.
+    #[error("{experiment}: {reason}")]
+    Config {
+        /// The experiment.
+        experiment: String,
+        /// What does not fit.
+        reason: String,
+    },
+    /// One cell cannot be measured; the report says why in its place.
+    #[error("{0}")]
+    Impossible(String),
     /// The disk said no.
     #[error("cannot write {path}: {source}", path = path.display())]
     Write {

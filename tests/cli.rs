@@ -381,11 +381,23 @@ fn tuning_writes_a_configuration_that_training_takes() {
     assert!(refused(FAILED, &tune).contains("exists already"));
     let nan = ["tune", &data, "--output", &path(&folder, "other.toml"), "--try", "classifier.c=1,nan"];
     assert!(refused(FAILED, &nan).contains("c is NaN"));
-    // By default 300 and 1000 words are tried.
-    let few_descriptors = ["tune", &data, "--output", &path(&folder, "other.toml")];
-    let said = refused(FAILED, &few_descriptors);
-    assert!(said.contains("too few for a vocabulary of 1000 words"), "{said}");
-    assert!(!Path::new(&path(&folder, "other.toml")).exists());
+
+    // What cannot be trained does not keep the rest from it, unless there is no rest.
+    let other = path(&folder, "other.toml");
+    let tune = ["tune", &data, "--output", &other, "--folds", "2", "--json", "--try"];
+    let said = refused(FAILED, &[&tune[..], &["representation.n_words=50000,60000"]].concat());
+    assert!(said.contains("too few for a vocabulary of 50000 words"), "{said}");
+    assert!(!Path::new(&other).exists());
+    let tried = json(&[&tune[..], &["representation.n_words=60000,20"]].concat());
+    assert!(tried[0]["impossible"].as_str().unwrap().contains("too few") && tried[0]["rate"].is_null());
+    assert!(tried[1]["impossible"].is_null() && tried[1]["rate"]["mean"].is_number());
+
+    let one_drive = [data.as_str(), "--sequences", "monday"];
+    let other = path(&folder, "folds.toml");
+    let more_folds_than_frames = [&["tune", "--output", &other, "--folds", "500"][..], &one_drive].concat();
+    assert!(refused(FAILED, &more_folds_than_frames).contains("fewer than 500 folds"));
+    let more_folds_than_frames = [&["validate", "--folds", "500"][..], &one_drive].concat();
+    assert!(refused(FAILED, &more_folds_than_frames).contains("fewer than 500 folds"));
 }
 
 /// Frames of all rooms in drives of these names, each from places of its own.

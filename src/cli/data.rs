@@ -8,6 +8,7 @@ use crate::model::{Config, Extractor, LoadedModel, Model};
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
+use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -90,6 +91,32 @@ pub(super) struct ConfigArgs {
     mask: Option<PathBuf>,
 }
 
+/// How often a configuration is measured.
+#[derive(Args)]
+pub(super) struct FoldArgs {
+    /// Where whole sequences are left out: into how many folds they are dealt
+    #[arg(long, default_value_t = 5, value_name = "N", value_parser = at_least(2))]
+    pub folds: usize,
+    /// How often to repeat, with seeds 0, 1, 2, ...
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: u64,
+}
+
+impl FoldArgs {
+    /// Refuses a single sequence that has fewer frames than there are folds: a fold would be empty.
+    pub(super) fn check(&self, dataset: &Dataset) -> anyhow::Result<()> {
+        let sequences: BTreeSet<&str> = dataset.frames.iter().map(|frame| frame.sequence.as_str()).collect();
+        let n_frames = dataset.frames.len();
+        if sequences.len() == 1 && n_frames < self.folds {
+            bail!(
+                "{n_frames} frames are fewer than {} folds: take more frames, or lower --folds",
+                self.folds
+            );
+        }
+        Ok(())
+    }
+}
+
 impl ConfigArgs {
     /// The file, changed by the single parameters.
     pub(super) fn read(&self) -> anyhow::Result<Config> {
@@ -107,10 +134,18 @@ impl ConfigArgs {
         }
         for parameter in self.parameters.iter().chain(more) {
             merge(&mut table, parse_parameter(parameter)?);
+            // Another variant brings its own parameters, which the next change may name.
+            table = toml::Table::try_from(table.try_into::<Config>()?)?;
         }
         let config: Config = table.try_into()?;
         config.check().map_err(anyhow::Error::msg)?;
         Ok(config)
+    }
+
+    /// Single parameters alone.
+    #[cfg(test)]
+    pub(super) fn of_parameters(parameters: &[String]) -> Self {
+        Self { config: None, parameters: parameters.to_vec(), mask: None }
     }
 
     /// The camera of checked frames; the mirror of an omnidirectional one is found in them.
@@ -218,12 +253,13 @@ mod tests {
     use super::*;
     use crate::describe::Descriptor;
     use crate::detect::{Detector, Fast, FastThreshold};
-    use crate::model::Representation;
+    use crate::model::{Classifier, Representation};
+    use crate::svm::InnerKernel;
     use crate::vocabulary::Normalization;
 
     fn read(parameters: &[&str]) -> anyhow::Result<Config> {
-        let parameters = parameters.iter().map(|&parameter| parameter.to_owned()).collect();
-        ConfigArgs { config: None, parameters, mask: None }.read()
+        let parameters: Vec<String> = parameters.iter().map(|&parameter| parameter.to_owned()).collect();
+        ConfigArgs::of_parameters(&parameters).read()
     }
 
     #[test]
@@ -241,6 +277,11 @@ mod tests {
         assert_eq!(config.detector, Detector::Fast(Fast { threshold: FastThreshold::Fixed(20) }));
         assert!(matches!(config.descriptor, Descriptor::Lbp(_)));
         assert_eq!(read(&[]).unwrap(), Config::default());
+        let matching =
+            ["representation.kind=descriptors", "classifier.kind=match_svm", "classifier.inner.gamma=2"];
+        assert!(
+            matches!(read(&matching).unwrap().classifier, Classifier::MatchSvm(config) if config.inner == InnerKernel::Rbf { gamma: 2.0 })
+        );
     }
 
     #[test]

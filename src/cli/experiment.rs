@@ -3,14 +3,16 @@
 use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
 use crate::camera::CameraKind;
-use crate::dataset;
+use crate::dataset::{self, Dataset};
 use crate::experiment::report::{self, Entry, Report};
-use crate::experiment::{self, Cache, Drives, Experiment};
+use crate::experiment::{self, Cache, Chart, Drives, Experiment, Measured, Plan};
 use crate::model::{Config, Representation};
 use anyhow::{Context, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use std::collections::BTreeMap;
 use std::fs;
+use std::io;
 use std::iter;
 use std::path::{Path, PathBuf};
 
@@ -35,7 +37,7 @@ pub(super) struct ExperimentArgs {
     /// Take every Nth frame of each sequence
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = data::at_least(1))]
     stride: usize,
-    /// Two seeds, every fifth frame, few rounds of k-means: to see that it works, not to learn from
+    /// Two seeds, some forty frames of each sequence, few rounds of k-means: to see that it works, not to learn from
     #[arg(long)]
     quick: bool,
     /// Whose frames [default: omnidirectional for the experiments of Lu, perspective for those of Ullah]
@@ -69,13 +71,16 @@ impl Selection {
 /// Measures, prints the tables, writes the report.
 pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
     let mut config = args.config.read()?;
-    let (mut n_seeds, mut stride) = (args.seeds, args.stride);
-    if args.quick {
-        (n_seeds, stride) = (n_seeds.min(2), stride.max(5));
-        config = quick(config);
-    }
     let dataset = dataset::open(&args.data)?;
     data::report(&dataset.problems);
+    if dataset.frames.is_empty() {
+        dataset.check()?;
+    }
+    let (mut n_seeds, mut stride) = (args.seeds, args.stride);
+    if args.quick {
+        (n_seeds, stride) = (n_seeds.min(2), stride.max(quick_stride(&dataset)));
+        config = quick(config);
+    }
     let cache = Cache::open(&args.report.join("answers"))?;
     let simulated = data::is_simulated(&args.data);
     let mut entries = Vec::new();
@@ -100,7 +105,7 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
             }
         }
         for plan in plans {
-            let bar = output::progress(&plan.title, plan.cells.len() * n_seeds as usize);
+            let bar = output::progress(&plan.title, plan.n_steps(n_seeds));
             let measured = experiment::run(&plan, &drives, n_seeds, &cache, |step| {
                 bar.set_position(step.n_done as u64);
                 bar.set_message(step.cell);
@@ -162,20 +167,49 @@ fn quick(mut config: Config) -> Config {
     config
 }
 
-fn print(plan: &experiment::Plan, measured: &[experiment::Measured], simulated: bool) -> anyhow::Result<()> {
+/// One frame in this many leaves at most forty of the longest sequence, and at most one in five.
+fn quick_stride(dataset: &Dataset) -> usize {
+    const N_FRAMES: usize = 40;
+    let mut n_frames: BTreeMap<(&str, CameraKind), usize> = BTreeMap::new();
+    for frame in &dataset.frames {
+        *n_frames.entry((&frame.sequence, frame.camera)).or_default() += 1;
+    }
+    n_frames.values().max().map_or(0, |longest| longest.div_ceil(N_FRAMES)).max(5)
+}
+
+fn print(plan: &Plan, measured: &[Measured], simulated: bool) -> io::Result<()> {
     let kind = if simulated { ", simulated frames" } else { "" };
     say!("\n{} ({}{kind})", plan.title, plan.source)?;
-    let mut table = output::table(["", "answered", "mean \u{b1} std (best)", "printed", "keypoints"]);
+    match plan.experiment {
+        Experiment::Cost => print_costs(plan, measured)?,
+        _ => print_figures(plan, measured, simulated)?,
+    }
+    report::impossible(plan, measured).iter().try_for_each(|reason| say!("{reason}"))
+}
+
+fn print_figures(plan: &Plan, measured: &[Measured], simulated: bool) -> io::Result<()> {
+    let figure = if plan.chart == Chart::Table { "mean" } else { "mean \u{b1} std (best)" };
+    let mut table = output::table(["", "answered", figure, "printed", "keypoints"]);
     for (cell, measured) in plan.cells.iter().zip(measured) {
         let printed = cell.printed.filter(|_| !simulated);
         table.add_row([
             cell.row.clone(),
             cell.column.clone(),
-            report::summary(measured.rate.as_ref()),
+            report::figure(measured),
             printed.map_or("-".to_owned(), |rate| format!("{rate:.4}")),
-            format!("{:.0}", measured.keypoints.mean),
+            measured.rates().map_or("-".to_owned(), |rates| format!("{:.0}", rates.keypoints.mean)),
         ]);
     }
+    say!("{table}")
+}
+
+fn print_costs(plan: &Plan, measured: &[Measured]) -> io::Result<()> {
+    let mut table = output::table([&[""][..], &report::COST_COLUMNS].concat());
+    for (cell, measured) in plan.cells.iter().zip(measured) {
+        if let Measured::Cost(cost) = measured {
+            table.add_row([&[cell.row.clone()][..], &report::cost_row(cost)].concat());
+        }
+    }
     say!("{table}")?;
-    Ok(())
+    report::cpu(measured).map_or(Ok(()), |cpu| say!("On one thread of {cpu}."))
 }

@@ -1,11 +1,12 @@
 //! `roomsight tune`: parameters by cross-validation.
 
-use super::data::{self, ConfigArgs, DataArgs};
+use super::data::{self, ConfigArgs, DataArgs, FoldArgs};
 use super::output::{self, say};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Summary;
-use crate::model::{Config, Extractor};
+use crate::model::{Classifier, Config, Extractor, Representation, TrainError};
+use crate::svm::{InnerKernel, KernelConfig, KernelFunction, MatchConfig};
 use crate::validate::{self, Protocol};
 use anyhow::{Context, bail};
 use clap::Args;
@@ -13,9 +14,6 @@ use serde::Serialize;
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-
-/// What is tried when nothing is asked for.
-const DEFAULT_TRIES: [&str; 2] = ["classifier.c=0.1,1,10", "representation.n_words=300,1000"];
 
 /// The most configurations that are tried; one more list of values multiplies them.
 const MAX_CONFIGS: usize = 1000;
@@ -32,16 +30,12 @@ pub(super) struct TuneArgs {
     /// File for the best configuration, as TOML, for --config
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Values of one parameter, such as classifier.c=0.1,1,10; give it as often as needed [default:
-    /// classifier.c=0.1,1,10 and representation.n_words=300,1000]
+    /// Values of one parameter, such as classifier.c=0.1,1,10; give it as often as needed [default: some for the
+    /// cost of errors, gamma and the number of words, as far as the configuration has them]
     #[arg(long = "try", value_name = "NAME=VALUE,...")]
     tries: Vec<String>,
-    /// Into how many folds the sequences are dealt
-    #[arg(long, default_value_t = 5, value_name = "N", value_parser = data::at_least(2))]
-    folds: usize,
-    /// How often to repeat, with seeds 0, 1, 2, ...
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
-    seeds: u64,
+    #[command(flatten)]
+    folds: FoldArgs,
     #[command(flatten)]
     config: ConfigArgs,
     /// Print the rates as JSON
@@ -58,6 +52,8 @@ struct Tried {
     rate: Option<Summary>,
     /// Over the seeds, of the mean of the rooms' rates.
     mean_by_place: Option<Summary>,
+    /// Why it cannot be trained, if so.
+    impossible: Option<String>,
     #[serde(skip)]
     config: Config,
 }
@@ -67,8 +63,7 @@ pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
     if args.output.exists() {
         bail!("{} exists already: choose another file", args.output.display());
     }
-    let tries =
-        if args.tries.is_empty() { DEFAULT_TRIES.map(str::to_owned).to_vec() } else { args.tries.clone() };
+    let tries = if args.tries.is_empty() { default_tries(&args.config.read()?) } else { args.tries.clone() };
     // All configurations are read before the long work starts.
     let configs: Vec<(Vec<String>, Config)> = combinations(&tries)?
         .into_iter()
@@ -76,6 +71,7 @@ pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
         .collect::<anyhow::Result<_>>()?;
     let dataset = args.data.open(None)?;
     dataset.check()?;
+    args.folds.check(&dataset)?;
     let camera = args.config.camera(&dataset)?;
     let mut tuner = Tuner { args, dataset: &dataset, camera, described: None };
     let bar = output::progress("trying", configs.len());
@@ -86,7 +82,10 @@ pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let Some(best) = best_of(&tried) else { bail!("nothing could be measured") };
+    let Some(best) = best_of(&tried) else {
+        let reason = tried.iter().find_map(|tried| tried.impossible.as_deref());
+        bail!("no combination can be trained: {}", reason.unwrap_or("nothing was tried"));
+    };
     write_new(&args.output, &toml::to_string_pretty(&best.config)?)?;
     if args.json {
         say!("{}", serde_json::to_string_pretty(&tried)?)?;
@@ -94,6 +93,29 @@ pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
         print(&tried, best, &args.output)?;
     }
     Ok(())
+}
+
+/// What is tried when nothing is asked for.
+fn default_tries(config: &Config) -> Vec<String> {
+    let of_classifier: &[&str] = match &config.classifier {
+        Classifier::LinearSvm(_) => &["classifier.c=0.1,1,10"],
+        Classifier::KernelSvm(KernelConfig { kernel, .. }) => match kernel {
+            KernelFunction::Linear | KernelFunction::HistogramIntersection => {
+                &["classifier.machines.c=0.1,1,10"]
+            }
+            _ => &["classifier.machines.c=1,10", "classifier.kernel.gamma=0.5,2,8"],
+        },
+        Classifier::MatchSvm(MatchConfig { inner: InnerKernel::Linear, .. }) => {
+            &["classifier.machines.c=0.1,1,10"]
+        }
+        Classifier::MatchSvm(_) => &["classifier.machines.c=1,10", "classifier.inner.gamma=2,4,8"],
+        Classifier::Boost(_) => &["classifier.n_rounds=50,200,800"],
+    };
+    let of_words: &[&str] = match config.representation {
+        Representation::Bag(_) => &["representation.n_words=300,1000"],
+        Representation::Descriptors {} => &[],
+    };
+    of_classifier.iter().chain(of_words).map(|&list| list.to_owned()).collect()
 }
 
 /// Every combination of the values of `NAME=VALUE,...` lists, the last list changing fastest.
@@ -128,26 +150,38 @@ impl Tuner<'_> {
             _ => data::describe(self.dataset, &Extractor::new(&config, self.camera.clone()))?,
         };
         let (_, described) = self.described.insert((config.clone(), described));
+        let protocol = Protocol::Sequences(self.args.folds.folds);
         let (mut rates, mut means) = (Vec::new(), Vec::new());
-        for seed in 0..self.args.seeds {
-            let rounds = validate::rounds(&described.samples, &Protocol::Sequences(self.args.folds), seed);
+        for seed in 0..self.args.folds.seeds {
+            let rounds = validate::rounds(&described.samples, &protocol, seed);
             if rounds.is_empty() {
                 bail!("no room has sequences both to train and to answer: drive through the rooms again");
             }
-            let config = Config { seed, ..config.clone() };
-            let answers = validate::run(&described.samples, &rounds, (&config, &self.camera), || ())?;
+            let seeded = Config { seed, ..config.clone() };
+            let answers = match validate::run(&described.samples, &rounds, (&seeded, &self.camera), || ()) {
+                Ok(answers) => answers,
+                // The others may work.
+                Err(error) => return Ok(Tried::impossible(parameters, config, &error)),
+            };
             let evaluation = validate::evaluate(self.dataset, described, &answers);
             rates.extend(evaluation.overall.rate);
             means.extend(evaluation.mean_by_place);
         }
-        Ok(Tried { parameters, rate: Summary::of(&rates), mean_by_place: Summary::of(&means), config })
+        let (rate, mean_by_place) = (Summary::of(&rates), Summary::of(&means));
+        Ok(Tried { parameters, rate, mean_by_place, impossible: None, config })
     }
 }
 
-/// The highest mean rate, the first of equal ones.
+impl Tried {
+    fn impossible(parameters: Vec<String>, config: Config, error: &TrainError) -> Self {
+        Self { parameters, rate: None, mean_by_place: None, impossible: Some(error.to_string()), config }
+    }
+}
+
+/// The highest mean rate, the first of equal ones; none where nothing could be trained.
 fn best_of(tried: &[Tried]) -> Option<&Tried> {
-    let mean = |tried: &Tried| tried.rate.map_or(f64::NEG_INFINITY, |rate| rate.mean);
-    tried.iter().rev().max_by(|a, b| mean(a).total_cmp(&mean(b)))
+    let rated = tried.iter().filter_map(|tried| Some((tried, tried.rate?.mean))).rev();
+    rated.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(tried, _)| tried)
 }
 
 fn write_new(path: &Path, text: &str) -> anyhow::Result<()> {
@@ -167,6 +201,11 @@ fn print(tried: &[Tried], best: &Tried, output: &Path) -> anyhow::Result<()> {
         ]);
     }
     say!("{table}")?;
+    for tried in tried {
+        if let Some(reason) = &tried.impossible {
+            say!("{}: cannot be trained, {reason}", tried.parameters.join(" "))?;
+        }
+    }
     say!("\nBest: {}. {} holds it, for --config.", best.parameters.join(" "), output.display())?;
     say!("Its rate is flattering: measure it on sequences that had no part in this.")?;
     Ok(())
@@ -175,6 +214,25 @@ fn print(tried: &[Tried], best: &Tried, output: &Path) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_tried_by_default_fits_the_classifier() {
+        let bag = ["kind=linear_svm", "kind=kernel_svm", "kernel={kind='sigmoid'}", "kind=boost"];
+        let matching = ["kind=match_svm", "inner={kind='correlation', gamma=2}", "inner={kind='linear'}"];
+        let configs = [("bag", "kernel_svm", &bag[..]), ("descriptors", "match_svm", &matching[..])];
+        for (representation, classifier, changes) in configs {
+            for change in changes {
+                let kind = format!("classifier.kind={classifier}");
+                let parameters =
+                    [format!("representation.kind={representation}"), kind, format!("classifier.{change}")];
+                let args = ConfigArgs::of_parameters(&parameters);
+                let tries = default_tries(&args.read().unwrap());
+                for combination in combinations(&tries).unwrap() {
+                    args.read_with(&combination).unwrap();
+                }
+            }
+        }
+    }
 
     #[test]
     fn values_are_combined_and_bad_lists_named() {

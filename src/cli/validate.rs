@@ -1,6 +1,6 @@
 //! `roomsight validate`: how well a configuration does on a data set, over splits and seeds.
 
-use super::data::{self, ConfigArgs, DataArgs};
+use super::data::{self, ConfigArgs, DataArgs, FoldArgs};
 use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::{Evaluation, Summary};
@@ -23,9 +23,6 @@ pub(super) struct ValidateArgs {
     /// How to split [default: sequences, unless a split is given]
     #[arg(long, value_enum, conflicts_with_all = ["train", "train_split"])]
     protocol: Option<ProtocolName>,
-    /// With --protocol sequences: into how many folds the sequences are dealt
-    #[arg(long, default_value_t = 5, value_name = "N", value_parser = data::at_least(2))]
-    folds: usize,
     /// With --protocol random: how many frames of each room train
     #[arg(long, default_value_t = 100, value_name = "N", value_parser = data::at_least(1))]
     train_frames: usize,
@@ -41,9 +38,8 @@ pub(super) struct ValidateArgs {
     /// Answer this split, such as query
     #[arg(long, value_name = "SPLIT", requires = "train_split")]
     test_split: Option<String>,
-    /// How often to repeat, with seeds 0, 1, 2, ...
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
-    seeds: u64,
+    #[command(flatten)]
+    folds: FoldArgs,
     #[command(flatten)]
     config: ConfigArgs,
     /// Print the rates as JSON
@@ -119,17 +115,20 @@ pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
 
 fn by_protocol(args: &ValidateArgs, config: &Config, dataset: &Dataset) -> anyhow::Result<Report> {
     let (name, protocol) = match args.protocol {
-        None | Some(ProtocolName::Sequences) => ("left-out sequences", Protocol::Sequences(args.folds)),
+        None | Some(ProtocolName::Sequences) => ("left-out sequences", Protocol::Sequences(args.folds.folds)),
         Some(ProtocolName::LeaveOneOut) => ("left-out frames", Protocol::LeaveOneOut),
         Some(ProtocolName::Random) => ("random split", Protocol::Random(args.train_frames)),
     };
     dataset.check()?;
+    if let Protocol::Sequences(_) = protocol {
+        args.folds.check(dataset)?;
+    }
     let camera = args.config.camera(dataset)?;
     let described = data::describe(dataset, &Extractor::new(config, camera.clone()))?;
     let rounds = |seed| validate::rounds(&described.samples, &protocol, seed);
-    let bar = output::progress("training", args.seeds as usize * rounds(0).len());
+    let bar = output::progress("training", args.folds.seeds as usize * rounds(0).len());
     let mut evaluations = Vec::new();
-    for seed in 0..args.seeds {
+    for seed in 0..args.folds.seeds {
         let config = Config { seed, ..config.clone() };
         let rounds = rounds(seed);
         if rounds.is_empty() {
@@ -170,9 +169,9 @@ fn by_given_split(
             Ok(Test { name, dataset, described })
         })
         .collect::<anyhow::Result<_>>()?;
-    let bar = output::progress("training", args.seeds as usize);
+    let bar = output::progress("training", args.folds.seeds as usize);
     let mut evaluations: BTreeMap<usize, Vec<Evaluation>> = BTreeMap::new();
-    for seed in 0..args.seeds {
+    for seed in 0..args.folds.seeds {
         let config = Config { seed, ..config.clone() };
         let model = Model::train(&samples, &config, camera.clone(), |_| ())?.model;
         for (test_idx, test) in tests.iter().enumerate() {

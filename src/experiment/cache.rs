@@ -1,11 +1,13 @@
 //! Answers that were computed once, kept in a folder.
 
-use super::{ExperimentError, FrameAnswer};
+use super::ExperimentError;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A folder of answers, one file a model, seed and drive, named by the digest of all that the answers depend
-/// on: an interrupted run goes on where it stopped, and a second one only reads.
+/// A folder of answers, one file a model, seed and drive (or two drives compared), named by the digest of all that
+/// the answers depend on: an interrupted run goes on where it stopped, and a second one only reads.
 pub struct Cache {
     folder: PathBuf,
 }
@@ -19,12 +21,12 @@ impl Cache {
     }
 
     /// The answers of this key. A damaged file counts as none.
-    pub fn get(&self, key: &str) -> Option<Vec<FrameAnswer>> {
+    pub fn get<T: DeserializeOwned>(&self, key: &str) -> Option<T> {
         serde_json::from_slice(&fs::read(self.path(key)).ok()?).ok()
     }
 
     /// Keeps answers; a file is there as a whole or not at all.
-    pub fn put(&self, key: &str, answers: &[FrameAnswer]) -> Result<(), ExperimentError> {
+    pub fn put(&self, key: &str, answers: &impl Serialize) -> Result<(), ExperimentError> {
         let path = self.path(key);
         let write = || {
             let temporary = tempfile::NamedTempFile::new_in(&self.folder)?;
@@ -43,18 +45,20 @@ impl Cache {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::experiment::FrameAnswer;
 
     #[test]
     fn answers_come_back_and_damaged_ones_count_as_none() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::open(folder.path()).unwrap();
         let answers = vec![FrameAnswer { frame_idx: 3, place: "corridor".to_owned(), n_keypoints: 120 }];
-        assert_eq!(cache.get("a"), None);
+        let get = || cache.get::<Vec<FrameAnswer>>("a");
+        assert_eq!(get(), None);
         cache.put("a", &answers).unwrap();
-        assert_eq!(cache.get("a"), Some(answers));
+        assert_eq!(get(), Some(answers));
         let file = folder.path().join("a.json");
         let bytes = fs::read(&file).unwrap();
         fs::write(&file, &bytes[..bytes.len() / 2]).unwrap();
-        assert_eq!(cache.get("a"), None);
+        assert_eq!(get(), None);
     }
 }

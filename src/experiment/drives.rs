@@ -22,7 +22,7 @@ pub struct Drive {
     pub near_border: Vec<Option<bool>>,
     /// The camera that took it.
     pub camera: Camera,
-    /// The digest of all its frames and labels.
+    /// The digest of all its frames, labels and poses.
     pub digest: String,
 }
 
@@ -35,7 +35,8 @@ impl Drives {
     /// Takes the drives apart, every `stride`-th frame of each, and reads every frame once for its digest.
     ///
     /// # Errors
-    /// No sequence of COLD, a sequence of one room, or no mirror in the frames of a lab.
+    /// No sequence of COLD, a sequence of one room or without a frame that can be read, or no mirror in the frames
+    /// of a lab.
     pub fn new(dataset: &Dataset, stride: usize) -> Result<Self, ExperimentError> {
         let mut by_sequence: BTreeMap<&str, Dataset> = BTreeMap::new();
         for frame in &dataset.frames {
@@ -48,6 +49,9 @@ impl Drives {
             let Some(name) = SequenceName::parse(sequence) else { continue };
             if dataset.places().len() < 2 {
                 return Err(ExperimentError::OneRoom(sequence.to_owned()));
+            }
+            if !dataset.frames.iter().any(|frame| frame.read(&Limits::default()).is_ok()) {
+                return Err(ExperimentError::Unreadable(sequence.to_owned()));
             }
             let near_border = validate::near_borders(&dataset).into_iter().step_by(stride).collect();
             dataset.frames = dataset.frames.into_iter().step_by(stride).collect();
@@ -148,6 +152,8 @@ fn digest(dataset: &Dataset) -> String {
         let bytes = fs::read(&frame.path).unwrap_or_default();
         hasher.update(blake3::hash(&bytes).as_bytes());
         hasher.update(blake3::hash(frame.place.as_bytes()).as_bytes());
+        let pose = frame.pose.map(|pose| [pose.x, pose.y, pose.angle].map(f64::to_le_bytes));
+        hasher.update(pose.unwrap_or_default().as_flattened());
     }
     hasher.finalize().to_hex().to_string()
 }

@@ -4,8 +4,10 @@ mod lu;
 mod ullah;
 
 use super::{Drives, Experiment, ExperimentError};
-use crate::model::Config;
+use crate::model::{Config, Sigmoids};
+use crate::svm::Scheme;
 use serde::Serialize;
+use std::collections::BTreeSet;
 
 /// An experiment, laid out on the drives that there are.
 #[derive(Clone, Debug, Serialize)]
@@ -18,6 +20,8 @@ pub struct Plan {
     pub source: &'static str,
     /// How its chart looks.
     pub chart: Chart,
+    /// What the paper prints besides the figures that stand beside cells, of COLD.
+    pub printed: Option<&'static str>,
     /// What is done otherwise than in the paper.
     pub differences: Vec<&'static str>,
     /// What is measured, in the order in which it is.
@@ -32,6 +36,8 @@ pub enum Chart {
     Bars,
     /// A line a column over the rows.
     Lines,
+    /// They are not.
+    Table,
 }
 
 /// One figure of a table.
@@ -41,17 +47,38 @@ pub struct Cell {
     pub row: String,
     /// Its column.
     pub column: String,
-    /// What is trained and answered; the figure is the mean over all.
-    #[serde(skip)]
-    pub splits: Vec<Split>,
-    /// What is trained.
+    /// The parameters.
     #[serde(skip)]
     pub config: Config,
-    /// What is hidden of the answered frames.
+    /// What is done with them.
     #[serde(skip)]
-    pub occlusion: Occlusion,
+    pub work: Work,
     /// The rate that the paper prints, of COLD.
     pub printed: Option<f64>,
+}
+
+/// What a cell is measured by.
+#[derive(Clone, Debug)]
+pub enum Work {
+    /// Frames are answered.
+    Rate {
+        /// What is trained and answered; the figure is the mean over all.
+        splits: Vec<Split>,
+        /// What is hidden of the answered frames.
+        occlusion: Occlusion,
+    },
+    /// Keypoints of two drives are compared.
+    Match {
+        /// Indices of drives.
+        drives: [usize; 2],
+    },
+    /// A model is timed.
+    Cost {
+        /// The index of the drive that it is trained on.
+        train: usize,
+        /// The index of the drive that it answers.
+        test: usize,
+    },
 }
 
 /// Drives that train, and others that are answered.
@@ -74,27 +101,51 @@ impl Experiment {
     /// What it trains and answers of these drives, with `base` for all parameters that it does not set.
     ///
     /// # Errors
-    /// Drives that it needs are missing.
+    /// Drives that it needs are missing, or too short for the folds; parameters that do not go together.
     pub fn plan(self, drives: &Drives, base: &Config) -> Result<Plan, ExperimentError> {
+        let base = &quickly_calibrated(base.clone());
         match self {
             Self::Features => lu::features(drives, base),
+            Self::Stability => lu::stability(drives, base),
             Self::Keypoints => lu::keypoints(drives, base),
             Self::Words => lu::words(drives, base),
             Self::Kernels => lu::kernels(drives, base),
             Self::Illumination => lu::illumination(drives, base),
             Self::Best => lu::best(drives, base),
             Self::Occlusion => lu::occlusion(drives, base),
+            Self::Cost => lu::cost(drives, base),
             Self::Dynamic => Ok(ullah::dynamic(drives, base)),
             Self::Geographic => Ok(ullah::geographic(drives, base)),
             Self::Categorical => ullah::categorical(drives, base),
         }
         .and_then(|plan| {
             if plan.cells.is_empty() {
-                Err(self.missing("drives that fit together", drives))
-            } else {
-                Ok(plan)
+                return Err(self.missing("drives that fit together", drives));
             }
+            plan.cells.iter().try_for_each(|cell| self.check(cell, drives))?;
+            Ok(plan)
         })
+    }
+
+    /// What would otherwise show only after hours.
+    fn check(self, cell: &Cell, drives: &Drives) -> Result<(), ExperimentError> {
+        let reason = |reason| ExperimentError::Config { experiment: self.to_string(), reason };
+        cell.config.check().map_err(reason)?;
+        let n_folds = cell.config.calibration.n_folds;
+        let trained: Vec<usize> = match &cell.work {
+            Work::Rate { splits, .. } => splits.iter().flat_map(|split| split.train.clone()).collect(),
+            Work::Match { .. } => Vec::new(),
+            Work::Cost { train, .. } => vec![*train],
+        };
+        let trained = trained.into_iter().map(|drive_idx| drives.get(drive_idx));
+        match trained.min_by_key(|drive| drive.dataset.frames.len()) {
+            Some(drive) if drive.dataset.frames.len() < n_folds => Err(ExperimentError::TooShort {
+                sequence: drive.sequence.clone(),
+                n_frames: drive.dataset.frames.len(),
+                n_folds,
+            }),
+            _ => Ok(()),
+        }
     }
 
     fn missing(self, needed: &str, drives: &Drives) -> ExperimentError {
@@ -103,5 +154,25 @@ impl Experiment {
             needed: needed.to_owned(),
             present: drives.names(),
         }
+    }
+}
+
+/// One sigmoid for machines of one class each decides how sure answers are, but not which they are: two folds are
+/// enough to fit it.
+fn quickly_calibrated(mut config: Config) -> Config {
+    if config.calibration.sigmoids == Sigmoids::Shared && config.classifier.scheme() == Scheme::OneVsAll {
+        config.calibration.n_folds = 2;
+    }
+    config
+}
+
+impl Plan {
+    /// The names of the rows and of the columns, in the order in which they first occur.
+    pub(super) fn axes(&self) -> (Vec<&str>, Vec<&str>) {
+        let in_order = |name: fn(&Cell) -> &str| {
+            let mut seen = BTreeSet::new();
+            self.cells.iter().map(name).filter(|name| seen.insert(*name)).collect()
+        };
+        (in_order(|cell| &cell.row), in_order(|cell| &cell.column))
     }
 }

@@ -2,8 +2,7 @@
 
 mod chart;
 
-use super::run::axes;
-use super::{Cell, Chart, Drives, Experiment, KeypointCounts, Measured, Plan};
+use super::{Cell, Chart, Cost, Drives, Experiment, KeypointCounts, Matches, Measured, Plan, Rates};
 use crate::evaluate::{Evaluation, Summary};
 use crate::page::{escape, page};
 use serde::Serialize;
@@ -68,20 +67,23 @@ impl Report<'_> {
         );
         html += &match (plan.experiment, plan.chart) {
             (Experiment::Keypoints, _) => keypoint_table(plan, measured),
-            (_, Chart::Bars) => self.rate_table(plan, measured) + &chart::bars(plan, measured),
-            (_, Chart::Lines) => self.rate_table(plan, measured) + &chart::lines(plan, measured),
+            (Experiment::Cost, _) => cost_table(plan, measured),
+            (_, Chart::Table) => self.figure_table(plan, measured),
+            (_, Chart::Bars) => self.figure_table(plan, measured) + &chart::bars(plan, measured),
+            (_, Chart::Lines) => self.figure_table(plan, measured) + &chart::lines(plan, measured),
         };
+        let rates = || plan.cells.iter().zip(measured).filter_map(|(cell, one)| Some((cell, one.rates()?)));
         if plan.experiment == Experiment::Best {
-            for (cell, measured) in plan.cells.iter().zip(measured) {
-                html += &confusion(cell, measured);
-                html += &chart::map(drives, measured);
-            }
+            rates().for_each(|(cell, rates)| html += &(confusion(cell, rates) + &chart::map(drives, rates)));
         }
         if plan.experiment == Experiment::Categorical {
-            plan.cells
-                .iter()
-                .zip(measured)
-                .for_each(|(cell, measured)| html += &by_place(cell, &measured.best));
+            rates().for_each(|(cell, rates)| html += &by_place(cell, &rates.best));
+        }
+        for reason in impossible(plan, measured) {
+            html += &format!("<p class=\"source\">{}</p>\n", escape(&reason));
+        }
+        if let Some(printed) = plan.printed.filter(|_| !self.simulated) {
+            html += &format!("<p class=\"source\">In the paper: <i>{}</i>.</p>\n", escape(printed));
         }
         if !plan.differences.is_empty() {
             html += "<p class=\"source\">Otherwise than in the paper: ";
@@ -91,13 +93,53 @@ impl Report<'_> {
         html + "</section>\n"
     }
 
-    fn rate_table(&self, plan: &Plan, measured: &[Measured]) -> String {
+    fn figure_table(&self, plan: &Plan, measured: &[Measured]) -> String {
         table(plan, measured, |cell, measured| {
             let printed = cell.printed.filter(|_| !self.simulated);
             let printed = printed.map_or(String::new(), |rate| format!("<br><i>{}</i>", digits(rate)));
-            summary(measured.rate.as_ref()) + &printed
+            figure(measured) + &printed
         })
     }
+}
+
+/// What stands in a table's cell.
+pub fn figure(measured: &Measured) -> String {
+    match measured {
+        Measured::Rates(rates) => summary(rates.rate.as_ref()),
+        Measured::Matches(Matches { found: [first, second], matched, correct, .. }) => {
+            format!("{first:.0} and {second:.0} found, {matched:.1} matched, {correct:.1} correct")
+        }
+        Measured::Cost(cost) => format!("{:.1} ms", cost.whole_ms),
+        Measured::Impossible { .. } => "-".to_owned(),
+    }
+}
+
+/// Why cells could not be measured, a line each.
+pub fn impossible(plan: &Plan, measured: &[Measured]) -> Vec<String> {
+    let reason = |(cell, measured): (&Cell, &Measured)| match measured {
+        Measured::Impossible { reason } => Some(format!("{}: not measured, {reason}", cell.name())),
+        _ => None,
+    };
+    plan.cells.iter().zip(measured).filter_map(reason).collect()
+}
+
+/// What [`cost_row`] gives.
+pub const COST_COLUMNS: [&str; 7] =
+    ["features", "classification", "whole frame", "training", "model", "words", "support vectors"];
+
+/// What a model costs, as texts.
+pub fn cost_row(cost: &Cost) -> [String; 7] {
+    let [n_words, n_dimensions] = cost.vocabulary;
+    let support_vectors: Vec<String> = cost.n_support_vectors.iter().map(usize::to_string).collect();
+    [
+        format!("{:.1} ms", cost.features_ms),
+        format!("{:.2} ms", cost.classify_ms),
+        format!("{:.1} ms", cost.whole_ms),
+        format!("{:.1} s", cost.training_s),
+        format!("{:.0} kB", cost.model_bytes as f64 / 1000.0),
+        format!("{n_words} x {n_dimensions}"),
+        support_vectors.join(", "),
+    ]
 }
 
 /// `.9876 ± .0012 (.9899)`.
@@ -113,15 +155,44 @@ fn digits(rate: f64) -> String {
     text.strip_prefix('0').map_or(text.clone(), str::to_owned)
 }
 
-fn keypoint_table(plan: &Plan, measured: &[Measured]) -> String {
-    table(plan, measured, |_, measured| {
-        let KeypointCounts { least, mean, most } = measured.keypoints;
-        format!("{mean:.0} ({least} to {most})")
+/// What costs were measured on.
+pub fn cpu(measured: &[Measured]) -> Option<&str> {
+    measured.iter().find_map(|measured| match measured {
+        Measured::Cost(cost) => Some(cost.cpu.as_str()),
+        _ => None,
     })
 }
 
+fn keypoint_table(plan: &Plan, measured: &[Measured]) -> String {
+    table(plan, measured, |_, measured| match measured.rates().map(|rates| rates.keypoints) {
+        Some(KeypointCounts { least, mean, most }) => format!("{mean:.0} ({least} to {most})"),
+        None => figure(measured),
+    })
+}
+
+fn cost_table(plan: &Plan, measured: &[Measured]) -> String {
+    let row = |name: &str, texts: &[String], tag: &str| {
+        let cells: String = texts.iter().map(|text| format!("<{tag}>{}</{tag}>", escape(text))).collect();
+        format!("<tr><th>{}</th>{cells}</tr>\n", escape(name))
+    };
+    let mut html =
+        "<div class=\"wide\"><table>".to_owned() + &row("", &COST_COLUMNS.map(str::to_owned), "th");
+    for (cell, measured) in plan.cells.iter().zip(measured) {
+        if let Measured::Cost(cost) = measured {
+            html += &row(&cell.row, &cost_row(cost), "td");
+        }
+    }
+    html += "</table></div>\n";
+    let Some(cpu) = cpu(measured) else { return html };
+    html + &format!(
+        "<p class=\"source\">Medians over frames, on one thread of {}; training on all threads, from described \
+         frames.</p>\n",
+        escape(cpu)
+    )
+}
+
 fn table(plan: &Plan, measured: &[Measured], content: impl Fn(&Cell, &Measured) -> String) -> String {
-    let (rows, columns) = axes(plan);
+    let (rows, columns) = plan.axes();
     let mut html = "<div class=\"wide\"><table><tr><th></th>".to_owned();
     columns.iter().for_each(|column| html += &format!("<th>{}</th>", escape(column)));
     html += "</tr>\n";
@@ -140,13 +211,13 @@ fn table(plan: &Plan, measured: &[Measured], content: impl Fn(&Cell, &Measured) 
     html + "</table></div>\n"
 }
 
-fn confusion(cell: &Cell, measured: &Measured) -> String {
-    let best = &measured.best;
+fn confusion(cell: &Cell, rates: &Rates) -> String {
+    let best = &rates.best;
     let mut html = format!(
         "<h3>{}, best seed ({})</h3>\n<p class=\"source\">Near room borders {} of {} frames are right, elsewhere {} of \
          {}.</p>\n<div class=\"wide\"><table><tr><th>shown \\ answered</th>",
         escape(&cell.name()),
-        measured.best_seed,
+        rates.best_seed,
         best.only_border.n_correct,
         best.only_border.n_frames,
         best.without_border.n_correct,

@@ -1,12 +1,15 @@
 //! Plans to figures: models are trained, drives are answered, what was answered before is read.
 
-use super::{Cache, Cell, Drives, ExperimentError, Occlusion, Plan};
+use super::measured::Answers;
+use super::{
+    Cache, Cell, Drive, Drives, ExperimentError, Matches, Measured, Occlusion, Plan, Rates, Split, Work,
+    cost, stability,
+};
 use crate::dataset::Described;
-use crate::evaluate::{Answer, Evaluation, Summary};
-use crate::model::{Config, Model, Sample};
+use crate::model::{Config, Model, Representation, Sample};
 use crate::validate;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::{BTreeSet, VecDeque};
 
 /// The answer to one frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -19,49 +22,20 @@ pub struct FrameAnswer {
     pub n_keypoints: usize,
 }
 
-/// A cell, measured.
-#[derive(Clone, Debug, Serialize)]
-pub struct Measured {
-    /// Over the seeds: the mean, over the splits, of the rates of the answered frames.
-    pub rate: Option<Summary>,
-    /// Over the seeds: the same away from room borders.
-    pub without_border: Option<Summary>,
-    /// Of the best seed, all splits together.
-    pub best: Evaluation,
-    /// The best seed.
-    pub best_seed: u64,
-    /// Of the best seed: the answers to each answered drive.
-    #[serde(skip)]
-    pub best_answers: Vec<(usize, Vec<FrameAnswer>)>,
-    /// Of the best seed.
-    pub keypoints: KeypointCounts,
-}
-
-/// How many keypoints the answered frames have.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct KeypointCounts {
-    /// Of the frame that has fewest.
-    pub least: usize,
-    /// Over the frames.
-    pub mean: f64,
-    /// Of the frame that has most.
-    pub most: usize,
-}
-
 /// What is being done.
 #[derive(Clone, Debug)]
-pub struct Step<'a> {
+pub struct Step {
     /// The cell, as `row, column`.
     pub cell: String,
-    /// Steps done, of the plan's cells times seeds.
+    /// Steps done, of [`Plan::n_steps`].
     pub n_done: usize,
-    /// All steps.
-    pub n_steps: usize,
-    /// The plan.
-    pub plan: &'a Plan,
 }
 
-/// Measures the cells of a plan in their order. `on_step` is called before each.
+/// Measures the cells of a plan in their order. A cell that cannot be measured does not keep the others from it.
+/// `on_step` is called before each step.
+///
+/// # Errors
+/// A drive of which nothing can be read, a full disk.
 pub fn run(
     plan: &Plan,
     drives: &Drives,
@@ -69,19 +43,27 @@ pub fn run(
     cache: &Cache,
     mut on_step: impl FnMut(Step),
 ) -> Result<Vec<Measured>, ExperimentError> {
-    let n_steps = plan.cells.len() * n_seeds as usize;
-    let mut runner = Runner { drives, cache, described: Vec::new(), trained: VecDeque::new() };
+    let mut runner = Runner { drives, cache, described: Vec::new(), trained: Vec::new() };
+    let mut n_done = 0;
     let mut measured = Vec::with_capacity(plan.cells.len());
-    for (cell_idx, cell) in plan.cells.iter().enumerate() {
-        let mut seeds = Vec::new();
-        for seed in 0..n_seeds {
-            let n_done = cell_idx * n_seeds as usize + seed as usize;
-            on_step(Step { cell: cell.name(), n_done, n_steps, plan });
-            seeds.push(runner.answer(cell, seed)?);
-        }
-        measured.push(Measured::new(drives, &seeds));
+    for cell in &plan.cells {
+        let n_seeds = cell.n_seeds(n_seeds);
+        let on_seed = |seed: u64| on_step(Step { cell: cell.name(), n_done: n_done + seed as usize });
+        let result = runner.measure(cell, n_seeds, on_seed);
+        n_done += n_seeds as usize;
+        measured.push(match result {
+            Err(ExperimentError::Impossible(reason)) => Measured::Impossible { reason },
+            result => result?,
+        });
     }
     Ok(measured)
+}
+
+impl Plan {
+    /// How many steps measuring it over this many seeds takes.
+    pub fn n_steps(&self, n_seeds: u64) -> usize {
+        self.cells.iter().map(|cell| cell.n_seeds(n_seeds) as usize).sum()
+    }
 }
 
 impl Cell {
@@ -89,57 +71,14 @@ impl Cell {
     pub fn name(&self) -> String {
         format!("{}, {}", self.row, self.column)
     }
-}
 
-/// For each split, for each drive that it tests: the drive and the answers to it.
-type Answers = Vec<Vec<(usize, Vec<FrameAnswer>)>>;
-
-impl Measured {
-    fn new(drives: &Drives, seeds: &[Answers]) -> Self {
-        let rates = |value: fn(&Evaluation) -> Option<f64>| -> Vec<f64> {
-            seeds.iter().filter_map(|splits| mean_over_splits(drives, splits, value)).collect()
-        };
-        let overall = rates(|evaluation| evaluation.overall.rate);
-        let best_seed = (0..overall.len()).max_by(|&a, &b| overall[a].total_cmp(&overall[b]).then(b.cmp(&a)));
-        let best_seed = best_seed.unwrap_or_default();
-        let best_answers: Vec<_> = seeds.get(best_seed).into_iter().flatten().flatten().cloned().collect();
-        Self {
-            rate: Summary::of(&overall),
-            without_border: Summary::of(&rates(|evaluation| evaluation.without_border.rate)),
-            best: evaluate(drives, &best_answers),
-            best_seed: best_seed as u64,
-            keypoints: KeypointCounts::of(best_answers.iter().flat_map(|(_, answers)| answers)),
-            best_answers,
+    /// One where nothing is random: frames of known sequences are compared with each other.
+    fn n_seeds(&self, n_seeds: u64) -> u64 {
+        match (&self.work, &self.config.representation) {
+            (Work::Rate { .. }, Representation::Bag(_)) => n_seeds,
+            _ => n_seeds.min(1),
         }
     }
-}
-
-impl KeypointCounts {
-    fn of<'a>(answers: impl Iterator<Item = &'a FrameAnswer>) -> Self {
-        let counts: Vec<usize> = answers.map(|answer| answer.n_keypoints).collect();
-        Self {
-            least: counts.iter().min().copied().unwrap_or_default(),
-            mean: counts.iter().sum::<usize>() as f64 / counts.len().max(1) as f64,
-            most: counts.iter().max().copied().unwrap_or_default(),
-        }
-    }
-}
-
-fn mean_over_splits(drives: &Drives, splits: &Answers, value: fn(&Evaluation) -> Option<f64>) -> Option<f64> {
-    let rates: Vec<f64> = splits.iter().filter_map(|answers| value(&evaluate(drives, answers))).collect();
-    Summary::of(&rates).map(|summary| summary.mean)
-}
-
-fn evaluate(drives: &Drives, answers: &[(usize, Vec<FrameAnswer>)]) -> Evaluation {
-    let answers = answers.iter().flat_map(|(drive_idx, answers)| {
-        let drive = drives.get(*drive_idx);
-        answers.iter().map(move |answer| Answer {
-            place: &drive.dataset.frames[answer.frame_idx].place,
-            answered: &answer.place,
-            near_border: drive.near_border[answer.frame_idx],
-        })
-    });
-    Evaluation::new(&answers.collect::<Vec<_>>())
 }
 
 /// What the frames of a drive look like depends on these.
@@ -151,46 +90,87 @@ struct Runner<'a> {
     /// The drives described last, the oldest first.
     described: Vec<(DescribedKey, Described)>,
     /// The models trained last, the oldest first, and what they depend on.
-    trained: VecDeque<(String, Model)>,
+    trained: Vec<(String, Model)>,
 }
 
-/// Models that are kept: those of all seeds, since the next cell often tests the same ones.
-const MAX_TRAINED: usize = 32;
+/// Models that are kept: those of all drives of a lab and ten seeds, since the next cell often tests the same ones.
+/// With 1000 words they take half a megabyte each.
+const MAX_TRAINED: usize = 64;
+
+/// Models that keep frames and not words take up to a hundred megabytes each: those of all drives of a lab are
+/// kept.
+const MAX_TRAINED_WITHOUT_WORDS: usize = 6;
 
 /// Drives that are kept described: the six of one lab and one more.
 const MAX_DESCRIBED: usize = 7;
 
 impl Runner<'_> {
-    fn answer(&mut self, cell: &Cell, seed: u64) -> Result<Answers, ExperimentError> {
-        let config = Config { seed, ..cell.config.clone() };
-        let mut splits = Vec::with_capacity(cell.splits.len());
-        for split in &cell.splits {
-            let model_key = self.model_key(&config, &split.train);
-            let mut answers = Vec::new();
-            for &test in &split.test {
-                let key = self.answer_key(&model_key, test, cell.occlusion);
-                let answer = match self.cache.get(&key) {
-                    Some(answer) => answer,
-                    None => {
-                        self.train(cell, &config, (&model_key, &split.train))?;
-                        let answer = self.answer_drive(&config, &model_key, (test, cell.occlusion))?;
-                        self.cache.put(&key, &answer)?;
-                        answer
-                    }
-                };
-                answers.push((test, answer));
-            }
-            splits.push(answers);
-        }
-        Ok(splits)
-    }
-
-    fn train(
+    fn measure(
         &mut self,
         cell: &Cell,
+        n_seeds: u64,
+        mut on_seed: impl FnMut(u64),
+    ) -> Result<Measured, ExperimentError> {
+        let all_drives = self.drives;
+        let get = |drive_idx: usize| all_drives.get(drive_idx);
+        match &cell.work {
+            Work::Rate { splits, occlusion } => {
+                let mut seeds: Vec<Answers> = Vec::new();
+                for seed in 0..n_seeds {
+                    on_seed(seed);
+                    let config = Config { seed, ..cell.config.clone() };
+                    let answers = splits.iter().map(|split| self.answer(&config, split, *occlusion));
+                    seeds.push(answers.collect::<Result<_, _>>()?);
+                }
+                Ok(Measured::Rates(Box::new(Rates::new(self.drives, &seeds))))
+            }
+            Work::Match { drives } => {
+                on_seed(0);
+                self.compare(drives.map(get), &cell.config).map(Measured::Matches)
+            }
+            Work::Cost { train, test } => {
+                on_seed(0);
+                cost::measure([get(*train), get(*test)], &cell.config).map(Measured::Cost)
+            }
+        }
+    }
+
+    fn compare(&self, drives: [&Drive; 2], config: &Config) -> Result<Matches, ExperimentError> {
+        let key = key(&(env!("CARGO_PKG_VERSION"), config, drives.map(|drive| &drive.digest)));
+        if let Some(matches) = self.cache.get(&key) {
+            return Ok(matches);
+        }
+        let matches = stability::measure(drives, config)?;
+        self.cache.put(&key, &matches)?;
+        Ok(matches)
+    }
+
+    /// The answers to each drive that the split tests.
+    fn answer(
+        &mut self,
         config: &Config,
-        (key, drive_idxs): (&str, &[usize]),
-    ) -> Result<(), ExperimentError> {
+        split: &Split,
+        occlusion: Occlusion,
+    ) -> Result<Vec<(usize, Vec<FrameAnswer>)>, ExperimentError> {
+        let model_key = self.model_key(config, &split.train);
+        let mut answers = Vec::with_capacity(split.test.len());
+        for &test in &split.test {
+            let key = self.answer_key(&model_key, test, occlusion);
+            let answer = match self.cache.get(&key) {
+                Some(answer) => answer,
+                None => {
+                    self.train(config, (&model_key, &split.train))?;
+                    let answer = self.answer_drive(config, &model_key, (test, occlusion))?;
+                    self.cache.put(&key, &answer)?;
+                    answer
+                }
+            };
+            answers.push((test, answer));
+        }
+        Ok(answers)
+    }
+
+    fn train(&mut self, config: &Config, (key, drive_idxs): (&str, &[usize])) -> Result<(), ExperimentError> {
         if self.model(key).is_some() {
             return Ok(());
         }
@@ -205,12 +185,16 @@ impl Runner<'_> {
         // No split trains on nothing; the drives of one lab share a camera.
         let camera = self.drives.get(drive_idxs[0]).camera.clone();
         let model = Model::train(&samples, config, camera, |_| ())
-            .map_err(|source| ExperimentError::Train { cell: cell.name(), source })?
+            .map_err(|error| ExperimentError::Impossible(error.to_string()))?
             .model;
-        if self.trained.len() == MAX_TRAINED {
-            self.trained.pop_front();
+        self.trained.push((key.to_owned(), model));
+        let has_words = |(_, model): &(String, Model)| model.n_words() > 0;
+        for (words, max_kept) in [(true, MAX_TRAINED), (false, MAX_TRAINED_WITHOUT_WORDS)] {
+            if self.trained.iter().filter(|trained| has_words(trained) == words).count() > max_kept {
+                let oldest = self.trained.iter().position(|trained| has_words(trained) == words);
+                oldest.map(|idx| self.trained.remove(idx));
+            }
         }
-        self.trained.push_back((key.to_owned(), model));
         Ok(())
     }
 
@@ -239,7 +223,7 @@ impl Runner<'_> {
             }
         };
         let is_trained = |&idx: &usize| model.places().binary_search(&described.samples[idx].place).is_ok();
-        Ok((0..described.samples.len()).filter(is_trained).map(answer).collect())
+        Ok((0..described.samples.len()).into_par_iter().filter(is_trained).map(answer).collect())
     }
 
     fn find(&self, key: &DescribedKey) -> Option<&Described> {
@@ -288,13 +272,4 @@ fn key(value: &impl Serialize) -> String {
     // Plain values of this crate always have a JSON form.
     let json = serde_json::to_vec(value).unwrap_or_default();
     blake3::hash(&json).to_hex().to_string()
-}
-
-/// Cells by row and column, in the order in which they first occur.
-pub(super) fn axes(plan: &Plan) -> (Vec<&str>, Vec<&str>) {
-    let in_order = |name: fn(&Cell) -> &str| {
-        let mut seen = BTreeSet::new();
-        plan.cells.iter().map(name).filter(|name| seen.insert(*name)).collect()
-    };
-    (in_order(|cell| &cell.row), in_order(|cell| &cell.column))
 }

@@ -70,7 +70,7 @@ pub enum Classifier {
 
 impl Classifier {
     /// How its machines are put together.
-    pub(super) fn scheme(&self) -> Scheme {
+    pub fn scheme(&self) -> Scheme {
         match self {
             Self::LinearSvm(config) => config.scheme,
             Self::KernelSvm(config) => config.machines.scheme,

@@ -26,37 +26,62 @@ pub(super) enum Machines {
     Frame(LinearSvm),
 }
 
+/// Frames that are trained on again and again: without each fold, and all together.
+pub(super) struct TrainingSet<'a> {
+    frames: Vec<&'a Features>,
+    config: &'a Config,
+    /// How alike all pairs of frames are, where that is what machines see: the same for all folds.
+    gram: Option<Matrix>,
+}
+
+impl<'a> TrainingSet<'a> {
+    pub(super) fn new(frames: Vec<&'a Features>, config: &'a Config) -> Result<Self, TrainError> {
+        let gram = match &config.classifier {
+            Classifier::MatchSvm(config) => {
+                let descriptors: Vec<&Matrix> = frames.iter().map(|frame| &frame.descriptors).collect();
+                Some(MatchSvm::gram(&descriptors, config)?)
+            }
+            _ => None,
+        };
+        Ok(Self { frames, config, gram })
+    }
+}
+
 impl Machines {
-    /// Trains on what is seen of frames, where frame i is of class `labels[i]` < `n_classes`, and no class is
-    /// without a frame.
+    /// Trains on what is seen of frames of a set, where frame i is of class `labels[i]` < `n_classes`, and no
+    /// class is without a frame.
     pub(super) fn train(
         sight: Sight,
-        frames: &[&Features],
+        set: &TrainingSet,
+        frame_idxs: &[usize],
         (labels, n_classes): (&[usize], usize),
-        config: &Config,
     ) -> Result<Self, TrainError> {
+        let frames = frame_idxs.iter().map(|&idx| set.frames[idx]);
         match sight {
             Sight::Keypoints => {
-                let descriptors: Vec<&Matrix> = frames.iter().map(|frame| &frame.descriptors).collect();
-                Self::train_on_keypoints(&descriptors, labels, n_classes, config)
+                let gram = set.gram.as_ref().map(|gram| among(gram, frame_idxs));
+                let descriptors: Vec<&Matrix> = frames.map(|frame| &frame.descriptors).collect();
+                Self::train_on_keypoints((&descriptors, gram.as_ref()), labels, n_classes, set.config)
             }
             Sight::Frame(Cue::FrameLbp(cue)) => {
-                let mut rows = Matrix::new(frames.first().map_or(0, |features| features.frame.len()));
-                frames.iter().for_each(|features| rows.push_row(&features.frame));
+                let mut rows = Matrix::new(set.frames.first().map_or(0, |frame| frame.frame.len()));
+                frames.for_each(|frame| rows.push_row(&frame.frame));
                 Ok(Self::Frame(LinearSvm::train(&rows, labels, n_classes, &cue.svm)?))
             }
         }
     }
 
     fn train_on_keypoints(
-        frames: &[&Matrix],
+        (frames, gram): (&[&Matrix], Option<&Matrix>),
         labels: &[usize],
         n_classes: usize,
         config: &Config,
     ) -> Result<Self, TrainError> {
         let Representation::Bag(bag) = &config.representation else {
-            let Classifier::MatchSvm(config) = &config.classifier else { return Err(mismatch()) };
-            return Ok(Self::Match(MatchSvm::train(frames, labels, n_classes, config)?));
+            let (Classifier::MatchSvm(config), Some(gram)) = (&config.classifier, gram) else {
+                return Err(mismatch());
+            };
+            return Ok(Self::Match(MatchSvm::train_over((frames, gram), labels, n_classes, config)?));
         };
         let vocabulary = Vocabulary::train(frames, bag, config.seed)?;
         let rows = bags(&vocabulary, frames);
@@ -232,6 +257,16 @@ pub(super) fn bags(vocabulary: &Vocabulary, frames: &[&Matrix]) -> Matrix {
     let mut rows = Matrix::new(vocabulary.n_words());
     bags.iter().for_each(|bag| rows.push_row(bag));
     rows
+}
+
+/// The rows and columns of some frames.
+fn among(gram: &Matrix, frame_idxs: &[usize]) -> Matrix {
+    let mut part = Matrix::new(frame_idxs.len());
+    for &row_idx in frame_idxs {
+        let row = gram.row(row_idx);
+        part.push_row(&Vec::from_iter(frame_idxs.iter().map(|&idx| row[idx])));
+    }
+    part
 }
 
 /// What [`Config::check`] has refused before.

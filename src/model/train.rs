@@ -2,7 +2,7 @@
 
 use super::cue::{Opinion, Sight, pooled};
 use super::held_out::{self, HeldOutDecisions, spread_out};
-use super::machines::Machines;
+use super::machines::{Machines, TrainingSet};
 use super::{Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition};
 use crate::boost::BoostError;
 use crate::camera::Camera;
@@ -96,7 +96,8 @@ impl Model {
         }
         let labels: Vec<usize> =
             samples.iter().map(|sample| places.binary_search(&sample.place).unwrap_or_default()).collect();
-        let trainer = Trainer { samples, labels: &labels, n_places: places.len(), config };
+        let set = TrainingSet::new(samples.iter().map(|sample| &sample.features).collect(), config)?;
+        let trainer = Trainer { samples, labels: &labels, n_places: places.len(), config, set };
 
         let folds = trainer.folds();
         let n_folds = folds.iter().max().map_or(0, |last| last + 1);
@@ -145,6 +146,7 @@ struct Trainer<'a> {
     labels: &'a [usize],
     n_places: usize,
     config: &'a Config,
+    set: TrainingSet<'a>,
 }
 
 /// The decision values for a sample by machines trained without its fold: a list for each sight.
@@ -168,8 +170,7 @@ impl Trainer<'_> {
         let present: Vec<usize> = labels.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
         let dense: Vec<usize> =
             labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
-        let frames: Vec<&Features> = sample_idxs.iter().map(|&idx| &self.samples[idx].features).collect();
-        let train = |sight| Machines::train(sight, &frames, (&dense, present.len()), self.config);
+        let train = |sight| Machines::train(sight, &self.set, sample_idxs, (&dense, present.len()));
         let machines = self.config.sights().map(train).collect::<Result<_, _>>()?;
         Ok(Fitted { machines, present })
     }

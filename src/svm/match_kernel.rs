@@ -36,8 +36,10 @@ pub enum InnerKernel {
 }
 
 impl Default for InnerKernel {
+    /// A larger gamma does a little better where frames lie close together, but takes frames that lie apart for
+    /// strangers (docs/RESULTS.md).
     fn default() -> Self {
-        Self::Rbf { gamma: 10.0 }
+        Self::Rbf { gamma: 4.0 }
     }
 }
 
@@ -121,13 +123,20 @@ pub fn match_gram(sets: &[DescriptorSet], inner: InnerKernel) -> Matrix {
 }
 
 /// What to train.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MatchConfig {
     /// The kernel of two descriptors.
     pub inner: InnerKernel,
     /// How the machines are trained.
     pub machines: Config,
+}
+
+impl Default for MatchConfig {
+    /// Frames are all alike to this kernel but for a little: a C of 1 leaves most machines at the commonest room.
+    fn default() -> Self {
+        Self { inner: InnerKernel::default(), machines: Config { c: 10.0, ..Config::default() } }
+    }
 }
 
 impl MatchConfig {
@@ -148,26 +157,48 @@ pub struct MatchSvm {
 }
 
 impl MatchSvm {
-    /// Trains on `frames`, the descriptors of each (n_keypoints x n_dimensions, at most of unit length),
-    /// where frame i is of class `labels[i]` < `n_classes`.
+    /// The match kernel of all pairs of `frames`, the descriptors of each (n_keypoints x n_dimensions, at most of
+    /// unit length): n x n, for [`DualSvm::train`] on all of them or on parts.
     ///
     /// # Errors
-    /// Those of [`DualSvm::train`]; a gamma that is not positive and finite, descriptors of different
-    /// lengths.
+    /// Numbers of the configuration that are out of range, descriptors of different lengths.
+    pub fn gram(frames: &[&Matrix], config: &MatchConfig) -> Result<Matrix, SvmError> {
+        // Checked before the kernel matrix, which may take long.
+        config.check()?;
+        check_widths(frames.iter().copied())?;
+        let sets: Vec<DescriptorSet> =
+            frames.iter().map(|descriptors| DescriptorSet::new(descriptors, config.inner)).collect();
+        Ok(match_gram(&sets, config.inner))
+    }
+
+    /// Trains on `frames`, as [`MatchSvm::gram`] takes them, where frame i is of class `labels[i]` <
+    /// `n_classes`.
+    ///
+    /// # Errors
+    /// Those of [`DualSvm::train`] and of [`MatchSvm::gram`].
     pub fn train(
         frames: &[&Matrix],
         labels: &[usize],
         n_classes: usize,
         config: &MatchConfig,
     ) -> Result<Self, SvmError> {
-        // Checked before the kernel matrix, which may take long.
-        config.check()?;
         check_n_classes(n_classes)?;
-        check_widths(frames.iter().copied())?;
-        let sets: Vec<DescriptorSet> =
-            frames.iter().map(|descriptors| DescriptorSet::new(descriptors, config.inner)).collect();
-        let gram = match_gram(&sets, config.inner);
-        let (machines, support_idxs) = DualSvm::train(&gram, labels, n_classes, &config.machines)?;
+        let gram = Self::gram(frames, config)?;
+        Self::train_over((frames, &gram), labels, n_classes, config)
+    }
+
+    /// As [`MatchSvm::train`], on frames whose [`MatchSvm::gram`] is known.
+    ///
+    /// # Errors
+    /// Those of [`DualSvm::train`]; a matrix of other frames.
+    pub fn train_over(
+        (frames, gram): (&[&Matrix], &Matrix),
+        labels: &[usize],
+        n_classes: usize,
+        config: &MatchConfig,
+    ) -> Result<Self, SvmError> {
+        check_shape("rows of the kernel matrix", gram.n_rows(), frames.len())?;
+        let (machines, support_idxs) = DualSvm::train(gram, labels, n_classes, &config.machines)?;
         let support_frames = support_idxs.into_iter().map(|frame_idx| frames[frame_idx].clone()).collect();
         Self::from_parts(config.inner, support_frames, machines)
     }

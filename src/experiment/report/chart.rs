@@ -1,7 +1,6 @@
 //! Charts as SVG, colored by the style sheet of the report so that they follow light and dark.
 
-use super::super::run::axes;
-use super::super::{Drives, Measured, Plan};
+use super::super::{Drives, Measured, Plan, Rates};
 use crate::page::chart::{
     LEFT, N_COLORS, PLOT_HEIGHT, TOP, WIDTH, framed, label, legend, polyline, rate_axis, y_of,
 };
@@ -10,7 +9,7 @@ use std::collections::BTreeMap;
 
 /// Means of a plan as groups of bars, a group a row, with the deviations as whiskers.
 pub fn bars(plan: &Plan, measured: &[Measured]) -> String {
-    let (rows, columns) = axes(plan);
+    let (rows, columns) = plan.axes();
     let group = (WIDTH - LEFT) / rows.len() as f64;
     let bar = (group * 0.8 / columns.len() as f64).min(40.0);
     let mut svg = rate_axis() + &legend(&columns);
@@ -48,7 +47,7 @@ pub fn bars(plan: &Plan, measured: &[Measured]) -> String {
 
 /// Means of a plan as lines, a line a column over the rows.
 pub fn lines(plan: &Plan, measured: &[Measured]) -> String {
-    let (rows, columns) = axes(plan);
+    let (rows, columns) = plan.axes();
     let step = (WIDTH - LEFT - 30.0) / (rows.len().max(2) - 1) as f64;
     let x_of = |row_idx: usize| LEFT + 10.0 + row_idx as f64 * step;
     let mut svg = rate_axis() + &legend(&columns);
@@ -74,7 +73,7 @@ pub fn lines(plan: &Plan, measured: &[Measured]) -> String {
 }
 
 /// Where the robot was, a dot a frame colored by its room, errors ringed; nothing without positions.
-pub fn map(drives: &Drives, measured: &Measured) -> String {
+pub fn map(drives: &Drives, measured: &Rates) -> String {
     let mut dots = Vec::new();
     for (drive_idx, answers) in &measured.best_answers {
         for answer in answers {
@@ -124,5 +123,5 @@ fn rate<'m>(
     (row, column): (&str, &str),
 ) -> Option<&'m crate::evaluate::Summary> {
     let found = plan.cells.iter().zip(measured).find(|(cell, _)| cell.row == row && cell.column == column);
-    found.and_then(|(_, measured)| measured.rate.as_ref())
+    found.and_then(|(_, measured)| measured.rates()?.rate.as_ref())
 }
