@@ -55,6 +55,8 @@ pub struct Settings {
     pub max_streams: usize,
     /// The most frames of a stream without an answer in the mode `lossless`.
     pub stream_window: usize,
+    /// How many bytes of frames without an answer a stream may hold before it is read no further.
+    pub max_stream_bytes: usize,
     /// How often a stream is asked for a sign of life, in milliseconds.
     pub stream_ping_ms: u64,
     /// How long nothing may be heard on a stream before it is closed, in milliseconds.
@@ -122,6 +124,7 @@ impl Default for Settings {
             drain_timeout_ms: 10_000,
             max_streams: 1024,
             stream_window: 16,
+            max_stream_bytes: 32 << 20,
             stream_ping_ms: 15_000,
             stream_idle_timeout_ms: 45_000,
             stream_write_timeout_ms: 10_000,
@@ -241,6 +244,9 @@ impl Settings {
         }
         if self.stream_window == 0 || self.stream_window > 1024 {
             return wrong("stream_window", "it must be from 1 to 1024".into());
+        }
+        if self.max_stream_bytes == 0 {
+            return wrong("max_stream_bytes", "it must be at least 1: then a stream holds one frame".into());
         }
         if self.stream_ping_ms == 0 || self.stream_ping_ms > self.stream_idle_timeout_ms {
             return wrong("stream_ping_ms", "it must be from 1 to `stream_idle_timeout_ms`".into());

@@ -82,6 +82,20 @@ async fn a_newer_frame_takes_the_place_of_one_that_waits() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_stream_holds_a_bounded_number_of_bytes() {
+    let server = Server::start(Settings { threads: 1, max_stream_bytes: 1, ..Settings::default() }).await;
+    let mut robot = Robot::connect(&server, "").await;
+    robot.send(slow_frame()).await;
+    for shift in 1..6 {
+        robot.send(room(0, shift)).await;
+    }
+    // Read one by one, none finds another waiting whose place it could take.
+    for seq in 0..6 {
+        assert_eq!(result(robot.next().await).seq, seq);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_header_numbers_and_dates_a_frame() {
     let server = Server::start(Settings::default()).await;
     let mut robot = Robot::connect(&server, "?mode=lossless").await;

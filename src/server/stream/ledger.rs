@@ -8,7 +8,10 @@ use std::time::Instant;
 
 /// The accepted frames without a told answer. An answer waits for those before it.
 #[derive(Default)]
-pub struct Ledger(VecDeque<Entry>);
+pub struct Ledger {
+    entries: VecDeque<Entry>,
+    unsettled_bytes: usize,
+}
 
 /// An accepted frame.
 pub struct Accepted {
@@ -18,6 +21,8 @@ pub struct Accepted {
     pub arrived: Instant,
     /// When it was captured, in nanoseconds since 1970.
     pub captured_at_ns: Option<u64>,
+    /// How long its message is.
+    pub n_bytes: usize,
 }
 
 /// What became of a frame.
@@ -38,23 +43,27 @@ struct Entry {
 impl Ledger {
     /// Opens an entry for a frame whose number is larger than those before.
     pub fn accept(&mut self, frame: Accepted) {
-        self.0.push_back(Entry { frame, outcome: None });
+        self.unsettled_bytes += frame.n_bytes;
+        self.entries.push_back(Entry { frame, outcome: None });
     }
 
     /// Settles what became of a frame; the first word counts.
     pub fn settle(&mut self, seq: u64, outcome: Outcome) {
-        if let Ok(entry_idx) = self.0.binary_search_by_key(&seq, |entry| entry.frame.seq) {
-            self.0[entry_idx].outcome.get_or_insert(outcome);
+        let Ok(entry_idx) = self.entries.binary_search_by_key(&seq, |entry| entry.frame.seq) else { return };
+        let entry = &mut self.entries[entry_idx];
+        if entry.outcome.is_none() {
+            self.unsettled_bytes -= entry.frame.n_bytes;
+            entry.outcome = Some(outcome);
         }
     }
 
     /// The first frame, once it is settled.
     pub fn next(&mut self) -> Option<(Accepted, Outcome)> {
-        let Entry { frame, outcome } = self.0.pop_front()?;
+        let Entry { frame, outcome } = self.entries.pop_front()?;
         match outcome {
             Some(outcome) => Some((frame, outcome)),
             None => {
-                self.0.push_front(Entry { frame, outcome });
+                self.entries.push_front(Entry { frame, outcome });
                 None
             }
         }
@@ -62,7 +71,12 @@ impl Ledger {
 
     /// How many frames are without a told answer.
     pub fn len(&self) -> usize {
-        self.0.len()
+        self.entries.len()
+    }
+
+    /// How many bytes the frames have together of which nothing is settled yet.
+    pub fn unsettled_bytes(&self) -> usize {
+        self.unsettled_bytes
     }
 }
 
@@ -77,7 +91,7 @@ mod tests {
             let mut order: Vec<u64> = (0..n_frames).map(|seq| seq * 3).collect();
             let mut ledger = Ledger::default();
             for &seq in &order {
-                ledger.accept(Accepted { seq, arrived: Instant::now(), captured_at_ns: None });
+                ledger.accept(Accepted { seq, arrived: Instant::now(), captured_at_ns: None, n_bytes: 5 });
             }
             for (a, b) in swaps {
                 order.swap(usize::from(a) % n_frames as usize, usize::from(b) % n_frames as usize);
@@ -92,16 +106,16 @@ mod tests {
                 }
             }
             prop_assert_eq!(told, (0..n_frames).map(|seq| seq * 3).collect::<Vec<_>>());
-            prop_assert_eq!(ledger.len(), 0);
+            prop_assert_eq!((ledger.len(), ledger.unsettled_bytes()), (0, 0));
         }
     }
 
     #[test]
     fn an_unknown_frame_settles_nothing() {
         let mut ledger = Ledger::default();
-        ledger.accept(Accepted { seq: 4, arrived: Instant::now(), captured_at_ns: None });
+        ledger.accept(Accepted { seq: 4, arrived: Instant::now(), captured_at_ns: None, n_bytes: 5 });
         ledger.settle(3, Outcome::Dropped(DropReason::Overload));
         assert!(ledger.next().is_none());
-        assert_eq!(ledger.len(), 1);
+        assert_eq!((ledger.len(), ledger.unsettled_bytes()), (1, 5));
     }
 }

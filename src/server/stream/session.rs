@@ -229,8 +229,10 @@ impl Session {
 
     /// Whether there is room for another frame. Where there is none TCP holds the sender back.
     fn may_read(&self) -> bool {
-        let is_lossless = self.settings.mode == Mode::Lossless;
-        self.ledger.len() < if is_lossless { self.app.settings.stream_window } else { MAX_UNTOLD }
+        let settings = &self.app.settings;
+        let max_untold =
+            if self.settings.mode == Mode::Lossless { settings.stream_window } else { MAX_UNTOLD };
+        self.ledger.len() < max_untold && self.ledger.unsettled_bytes() < settings.max_stream_bytes
     }
 
     /// Takes a frame in.
@@ -249,7 +251,8 @@ impl Session {
         self.next_seq = seq + 1;
         let arrived = Instant::now();
         self.record.accepted();
-        self.ledger.accept(Accepted { seq, arrived, captured_at_ns });
+        let n_bytes = image.len();
+        self.ledger.accept(Accepted { seq, arrived, captured_at_ns, n_bytes });
         match Frame::hold(image, &self.app.body_memory) {
             Err(_) => self.ledger.settle(seq, Outcome::Dropped(DropReason::Overload)),
             Ok(frame) if frame.bytes.is_empty() => {
