@@ -77,7 +77,7 @@ pub fn stream_document() -> Value {
             "description": "A robot sends frames over a WebSocket as it takes them, and hears of each what \
                 became of it. Every accepted frame gets exactly one of `result`, `dropped` or `error` with its \
                 `seq`, in increasing order of `seq`. Close codes: 1001 the service stops; 1008 nothing was \
-                heard for too long, or the stream goes on over another connection; 1009 a message is too \
+                heard for too long, what came was no message, or the stream goes on over another connection; 1009 a message is too \
                 long; 1013 too many streams, try again later."
         },
         "servers": {"local": {"host": "127.0.0.1:8080", "protocol": "ws"}},

@@ -4,12 +4,12 @@
 //! The task outlives a connection that breaks, so that the robot can come back to its filter and to the
 //! answers that it missed.
 
-use super::Arrival;
 use super::lane::{Lane, Waiting};
 use super::ledger::{Accepted, Ledger, Outcome};
 use super::settings;
 use super::socket::{Close, Incoming, Socket};
 use super::teller::Teller;
+use super::{Arrival, Streams};
 use crate::image::Limits;
 use crate::protocol::event::Event;
 use crate::protocol::header::Header;
@@ -71,6 +71,28 @@ enum End {
     Lost,
     /// The robot came back over another connection before this one was known to be broken.
     Replaced(Box<Arrival>),
+}
+
+/// Why a conversation is over.
+enum Over {
+    /// The robot has closed it.
+    Finish,
+    /// The service closes it.
+    Close(Close),
+    /// The connection broke.
+    Lost,
+}
+
+impl Over {
+    /// Closes the connection. Whoever is at the other end may never answer: nothing waits for that.
+    fn end(self, socket: Socket, streams: &Streams) -> End {
+        match self {
+            Self::Finish => streams.spawn(socket.finish()),
+            Self::Close(why) => streams.spawn(socket.close(why)),
+            Self::Lost => return End::Lost,
+        }
+        End::Closed
+    }
 }
 
 impl Session {
@@ -143,25 +165,14 @@ impl Session {
                 () = app.stopping.cancelled() => return self.drain(socket).await,
                 Some(news) = self.news.recv() => self.hear(news),
                 Some(arrival) = arrivals.recv() => {
-                    // Whoever is at the other end may never answer: the robot need not wait for that.
                     app.streams.spawn(socket.close(Close::Replaced));
                     return End::Replaced(Box::new(arrival));
                 }
                 incoming = socket.receive(), if self.may_read() => {
                     heard = Instant::now();
-                    match incoming {
-                        Incoming::Binary(message) => self.accept(message),
-                        Incoming::Text(message) => vec![text(&self.configure(&message))],
-                        Incoming::Alive => Vec::new(),
-                        Incoming::Closed => return End::Closed,
-                        Incoming::TooLong => {
-                            socket.close(Close::TooLong).await;
-                            return End::Closed;
-                        }
-                        Incoming::Lost(error) => {
-                            tracing::debug!(%error, "a stream lost its connection");
-                            return End::Lost;
-                        }
+                    match self.take_in(incoming) {
+                        Ok(said) => said,
+                        Err(over) => return over.end(socket, &app.streams),
                     }
                 }
                 () = sleep_until(look_at.unwrap_or_else(Instant::now).into()), if look_at.is_some() => {
@@ -171,8 +182,7 @@ impl Session {
                 _ = pings.tick() => {
                     // A stream that we do not read from is not idle: it waits for us.
                     if self.may_read() && heard.elapsed() > app.settings.stream_idle_timeout() {
-                        socket.close(Close::Idle).await;
-                        return End::Closed;
+                        return Over::Close(Close::Idle).end(socket, &app.streams);
                     }
                     if socket.ping().await.is_err() {
                         return End::Lost;
@@ -185,6 +195,22 @@ impl Session {
                     tracing::debug!(%error, "a stream lost its connection");
                     return End::Lost;
                 }
+            }
+        }
+    }
+
+    /// What is said to what came, or that the conversation is over.
+    fn take_in(&mut self, incoming: Incoming) -> Result<Vec<Utf8Bytes>, Over> {
+        match incoming {
+            Incoming::Binary(message) => Ok(self.accept(message)),
+            Incoming::Text(message) => Ok(vec![text(&self.configure(&message))]),
+            Incoming::Alive => Ok(Vec::new()),
+            Incoming::Closed => Err(Over::Finish),
+            Incoming::TooLong => Err(Over::Close(Close::TooLong)),
+            Incoming::Malformed => Err(Over::Close(Close::Malformed)),
+            Incoming::Lost(error) => {
+                tracing::debug!(%error, "a stream lost its connection");
+                Err(Over::Lost)
             }
         }
     }

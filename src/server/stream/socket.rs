@@ -10,7 +10,7 @@ use std::time::Duration;
 use tokio::io::AsyncReadExt;
 use tokio::time::timeout;
 use tokio_tungstenite::WebSocketStream;
-use tokio_tungstenite::tungstenite::error::{CapacityError, Error};
+use tokio_tungstenite::tungstenite::error::{CapacityError, Error, ProtocolError};
 use tokio_tungstenite::tungstenite::handshake::server::create_response;
 use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::protocol::{CloseFrame, Role, WebSocketConfig};
@@ -42,7 +42,9 @@ pub enum Incoming {
     Closed,
     /// A message longer than allowed.
     TooLong,
-    /// The connection broke, or the other side does not speak the protocol.
+    /// Bytes that are no message of a WebSocket, or a text that is no UTF-8.
+    Malformed,
+    /// The connection broke.
     Lost(Error),
 }
 
@@ -55,6 +57,8 @@ pub enum Close {
     Idle,
     /// A message was too long.
     TooLong,
+    /// What came was no message.
+    Malformed,
     /// There are as many streams as there may be.
     TooMany,
     /// The stream goes on over another connection.
@@ -67,6 +71,7 @@ impl Close {
             Self::Draining => (CloseCode::Away, "draining"),
             Self::Idle => (CloseCode::Policy, "nothing was heard for too long"),
             Self::TooLong => (CloseCode::Size, "the message is longer than limits.max_frame_bytes"),
+            Self::Malformed => (CloseCode::Policy, "no valid message; frames are binary, all else is text"),
             Self::TooMany => (CloseCode::Again, "too many streams; try again later"),
             Self::Replaced => (CloseCode::Policy, "the stream was resumed over another connection"),
         };
@@ -108,6 +113,10 @@ impl Socket {
             Some(Ok(Message::Ping(_) | Message::Pong(_) | Message::Frame(_))) => Incoming::Alive,
             Some(Ok(Message::Close(_))) | None => Incoming::Closed,
             Some(Err(Error::Capacity(CapacityError::MessageTooLong { .. }))) => Incoming::TooLong,
+            Some(Err(error @ Error::Protocol(ProtocolError::ResetWithoutClosingHandshake))) => {
+                Incoming::Lost(error)
+            }
+            Some(Err(Error::Protocol(_) | Error::Utf8(_))) => Incoming::Malformed,
             Some(Err(error)) => Incoming::Lost(error),
         }
     }
@@ -128,14 +137,20 @@ impl Socket {
         self.send_message(Message::Ping(Bytes::new())).await
     }
 
+    /// Answers the other side, which has closed the stream.
+    pub async fn finish(mut self) {
+        let answered = async { while let Some(Ok(_)) = self.stream.next().await {} };
+        let _ = timeout(CLOSE_PATIENCE, answered).await;
+    }
+
     /// Tells the other side why, and waits for a moment until it has heard.
     pub async fn close(mut self, why: Close) {
         if self.send_message(Message::Close(Some(why.frame()))).await.is_err() {
             return;
         }
         let heard = async {
-            if why == Close::TooLong {
-                // The rest of the message can no longer be told apart from what follows it.
+            if matches!(why, Close::TooLong | Close::Malformed) {
+                // What follows can no longer be told apart into messages.
                 let mut rest = self.stream.get_mut().take(LINGER_BYTES);
                 let _ = tokio::io::copy(&mut rest, &mut tokio::io::sink()).await;
             } else {
