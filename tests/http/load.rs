@@ -27,10 +27,10 @@ pub async fn one_thread(queue: usize) -> Server {
     .await
 }
 
-/// Fills all slots of a service with slow frames.
+/// Fills all slots of a service with frames that take long enough to look at what happens then.
 async fn fill(server: &Server, n_slots: usize) -> Vec<JoinHandle<reqwest::Result<reqwest::Response>>> {
     let callers: Vec<_> =
-        (0..n_slots).map(|_| tokio::spawn(server.post("/v1/recognize", slow_frame()).send())).collect();
+        (0..n_slots).map(|_| tokio::spawn(server.post("/v1/recognize", very_slow_frame()).send())).collect();
     // An empty body takes no slot, but is refused for want of one before it is found to be empty.
     while server.post("/v1/recognize", vec![]).send().await.unwrap().status() != 429 {
         sleep(Duration::from_millis(1)).await;
@@ -40,12 +40,20 @@ async fn fill(server: &Server, n_slots: usize) -> Vec<JoinHandle<reqwest::Result
 
 /// A small file that takes long to decode: 4 megapixels.
 pub fn slow_frame() -> Vec<u8> {
-    static FRAME: LazyLock<Vec<u8>> = LazyLock::new(|| {
-        let mut bytes = Cursor::new(Vec::new());
-        GrayImage::new(2000, 2000).write_to(&mut bytes, ImageFormat::Png).unwrap();
-        bytes.into_inner()
-    });
+    static FRAME: LazyLock<Vec<u8>> = LazyLock::new(|| black(2000));
     FRAME.clone()
+}
+
+/// One that takes ten times as long.
+pub fn very_slow_frame() -> Vec<u8> {
+    static FRAME: LazyLock<Vec<u8>> = LazyLock::new(|| black(6300));
+    FRAME.clone()
+}
+
+fn black(side: u32) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    GrayImage::new(side, side).write_to(&mut bytes, ImageFormat::Png).unwrap();
+    bytes.into_inner()
 }
 
 #[tokio::test(flavor = "multi_thread")]

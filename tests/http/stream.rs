@@ -1,6 +1,6 @@
 //! Streams over real WebSockets.
 
-use crate::load::{one_thread, slow_frame};
+use crate::load::{one_thread, slow_frame, very_slow_frame};
 use crate::robot::{Heard, Robot, seq_of};
 use crate::service::{SOON, Server, frame, models, problem, room, success, write_model};
 use futures_util::StreamExt;
@@ -62,7 +62,7 @@ async fn bare_frames_are_numbered_and_answered_in_order() {
 async fn a_newer_frame_takes_the_place_of_one_that_waits() {
     let server = one_thread(0).await;
     let mut robot = Robot::connect(&server, "").await;
-    robot.send(slow_frame()).await;
+    robot.send(very_slow_frame()).await;
     for seq in 1..20 {
         robot.send(room(0, seq)).await;
     }
