@@ -43,7 +43,7 @@ impl Machines {
             Sight::Frame(Cue::FrameLbp(cue)) => {
                 let mut rows = Matrix::new(frames.first().map_or(0, |features| features.frame.len()));
                 frames.iter().for_each(|features| rows.push_row(&features.frame));
-                Ok(Self::Frame(LinearSvm::train(&rows, labels, n_classes, &cue.svm)?))
+                Ok(Self::Frame(LinearSvm::train(&rows, labels, n_classes, &cue.machines())?))
             }
         }
     }
