@@ -30,7 +30,7 @@ pub struct FrameLbp {
 
 impl Default for FrameLbp {
     fn default() -> Self {
-        Self { longest_side: 320, n_parts: 2, threshold: 0 }
+        Self { longest_side: 160, n_parts: 3, threshold: 3 }
     }
 }
 
@@ -154,7 +154,7 @@ mod tests {
     use crate::describe::testing::noise;
 
     fn describe(image: &Image, camera: &Camera, n_parts: usize) -> Vec<f32> {
-        let cue = FrameLbp { n_parts, ..FrameLbp::default() };
+        let cue = FrameLbp { n_parts, threshold: 0, ..FrameLbp::default() };
         let view = camera.view(image.width(), image.height());
         let described = cue.describe(image, &cue.sections(&view));
         assert_eq!(described.len(), cue.n_dimensions(view.kind()));
@@ -199,26 +199,24 @@ mod tests {
     }
 
     #[test]
-    fn a_turn_of_the_robot_changes_nothing() {
+    fn a_turn_of_the_robot_changes_little() {
         let mirror = Mirror { center_x: 0.5, center_y: 0.5, inner_radius: 0.1, outer_radius: 0.45 };
         let camera = Camera::new(Projection::Omnidirectional(mirror));
-        // Rays and rings whose phase follows the angle: different in all directions.
-        let seen = |turn: f32| {
+        // Rings to one side only: without turning the patterns, quarter turns change the sum by 4.6 and an
+        // eighth of a turn by 3.3.
+        let seen = |eighths: f32| {
             let pixels = (0..121 * 121).map(|idx| {
                 let (x, y) = ((idx % 121) as f32 - 60.5, (idx / 121) as f32 - 60.5);
-                let angle = y.atan2(x) - turn;
-                (127.0 + 60.0 * (5.0 * angle).sin() + 60.0 * (0.7 * x.hypot(y) + angle.cos()).sin()) as u8
+                let contrast = (y.atan2(x) - eighths * FRAC_PI_4).cos().max(0.0).powi(2);
+                (127.0 + 100.0 * contrast * (0.7 * x.hypot(y)).sin()) as u8
             });
             describe(&Image::from_pixels(121, 121, pixels.collect()).unwrap(), &camera, 2)
         };
         let still = seen(0.0);
-        let by_direction =
-            [FRAC_PI_4, 2.0 * FRAC_PI_4, 3.0 * FRAC_PI_4].map(|turn| difference(&still, &seen(turn)));
-        let other = describe(&noise(121, 121), &camera, 2);
-        assert!(
-            by_direction.iter().all(|&turned| turned < 0.25 * difference(&still, &other)),
-            "{by_direction:?}"
-        );
+        for (eighths, limit) in [(1.0, 2.5), (2.0, 0.5), (4.0, 0.5), (7.0, 2.5)] {
+            let turned = difference(&still, &seen(eighths));
+            assert!(turned < limit, "{eighths}: {turned}");
+        }
     }
 
     #[test]

@@ -15,7 +15,8 @@ pub enum Cue {
     FrameLbp(FrameLbpCue),
 }
 
-/// Support vector machines with the linear kernel, over histograms of the whole frame.
+/// Support vector machines with the linear kernel, one a room, over histograms of the whole frame. The defaults
+/// were chosen on held-out frames (docs/RESULTS.md).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct FrameLbpCue {
@@ -23,13 +24,20 @@ pub struct FrameLbpCue {
     pub weight: f64,
     /// The histograms.
     pub histograms: FrameLbp,
-    /// How rooms are told apart by them.
-    pub svm: svm::Config,
+    /// The cost C of an error of the machines, see [`svm::Config::c`].
+    pub c: f64,
 }
 
 impl Default for FrameLbpCue {
     fn default() -> Self {
-        Self { weight: 0.5, histograms: FrameLbp::default(), svm: svm::Config::default() }
+        Self { weight: 0.5, histograms: FrameLbp::default(), c: 10.0 }
+    }
+}
+
+impl FrameLbpCue {
+    /// How its machines are trained.
+    pub(super) fn machines(&self) -> svm::Config {
+        svm::Config { c: self.c, ..svm::Config::default() }
     }
 }
 
@@ -40,7 +48,7 @@ impl Cue {
             return Err(format!("the weight of a cue must be from 0 to 1, not {}", cue.weight));
         }
         cue.histograms.check()?;
-        cue.svm.check().map_err(|error| format!("the cue's svm: {error}"))
+        cue.machines().check().map_err(|error| format!("of the cue, {error}"))
     }
 
     pub(super) fn n_dimensions(&self, camera: CameraKind) -> usize {
@@ -68,7 +76,7 @@ impl Config {
     pub(super) fn scheme(&self, sight: Sight) -> Scheme {
         match sight {
             Sight::Keypoints => self.classifier.scheme(),
-            Sight::Frame(Cue::FrameLbp(cue)) => cue.svm.scheme,
+            Sight::Frame(Cue::FrameLbp(cue)) => cue.machines().scheme,
         }
     }
 

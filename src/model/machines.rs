@@ -66,7 +66,7 @@ impl Machines {
             Sight::Frame(Cue::FrameLbp(cue)) => {
                 let mut rows = Matrix::new(set.frames.first().map_or(0, |frame| frame.frame.len()));
                 frames.for_each(|frame| rows.push_row(&frame.frame));
-                Ok(Self::Frame(LinearSvm::train(&rows, labels, n_classes, &cue.svm)?))
+                Ok(Self::Frame(LinearSvm::train(&rows, labels, n_classes, &cue.machines())?))
             }
         }
     }

@@ -107,15 +107,17 @@ fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
 
 #[test]
 fn a_cue_takes_part_in_every_answer_and_comes_back_from_the_file() {
+    // Machines of another scheme than the cue's.
+    let svm = crate::svm::Config { scheme: Scheme::OneVsOne, ..crate::svm::Config::default() };
+    let one_vs_one = Config { classifier: Classifier::LinearSvm(svm), ..config() };
     let weighing = |weight| {
-        let svm = crate::svm::Config { scheme: Scheme::OneVsOne, ..crate::svm::Config::default() };
-        let cue = FrameLbpCue { weight, svm, ..FrameLbpCue::default() };
-        Config { cue: Some(Cue::FrameLbp(cue)), ..config() }
+        let cue = FrameLbpCue { weight, ..FrameLbpCue::default() };
+        Config { cue: Some(Cue::FrameLbp(cue)), ..one_vs_one.clone() }
     };
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let frame = frame(1, &mut random);
     let answer = |model: &Model| model.recognize(&frame, &mut Scratch::default());
-    let without = answer(&trained(&config()).model);
+    let without = answer(&trained(&one_vs_one).model);
     let unheard = answer(&trained(&weighing(0.0)).model);
     for (a, b) in without.probabilities.iter().zip(&unheard.probabilities) {
         assert!((a - b).abs() < 1e-5, "{without:?} {unheard:?}");
