@@ -24,7 +24,7 @@ test: tools ## format, lints, all tests
 
 test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
-	  cargo build && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests; \
+	  cargo build --tests && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests; \
 	else \
 	  echo "LEFT OUT: the tests of the Python client. They take python3 with venv, and its packages from an index." >&2; \
 	fi
