@@ -88,46 +88,31 @@ impl IntoResponses for FrameProblems {
 
 impl IntoResponses for ModelProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses([Kind::BadRequest, Kind::Unauthorized, Kind::Forbidden, Kind::NoSuchModel, Kind::Internal])
+        keyed([Kind::BadRequest, Kind::NoSuchModel, Kind::Internal])
     }
 }
 
 impl IntoResponses for ActivateProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses([
-            Kind::BadRequest,
-            Kind::Unauthorized,
-            Kind::Forbidden,
-            Kind::NoSuchModel,
-            Kind::NotReady,
-            Kind::Internal,
-        ])
+        keyed([Kind::BadRequest, Kind::NoSuchModel, Kind::NotReady, Kind::Internal])
     }
 }
 
 impl IntoResponses for ViewerProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses([Kind::Unauthorized, Kind::Forbidden])
+        keyed([])
     }
 }
 
 impl IntoResponses for RobotProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses([Kind::Unauthorized, Kind::Forbidden, Kind::NotFound])
+        keyed([Kind::NotFound])
     }
 }
 
 impl IntoResponses for StreamProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses([
-            Kind::BadRequest,
-            Kind::Unauthorized,
-            Kind::Forbidden,
-            Kind::NoSuchModel,
-            Kind::NotReady,
-            Kind::NoWebSocket,
-            Kind::Draining,
-        ])
+        keyed([Kind::BadRequest, Kind::NoSuchModel, Kind::NotReady, Kind::NoWebSocket, Kind::Draining])
     }
 }
 
@@ -141,6 +126,11 @@ impl IntoResponses for PathProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
         responses([Kind::NotFound])
     }
+}
+
+/// What can go wrong with any call that takes a key, and what else.
+fn keyed<const N: usize>(others: [Kind; N]) -> BTreeMap<String, RefOr<Response>> {
+    responses([Kind::Unauthorized, Kind::Forbidden].into_iter().chain(others))
 }
 
 /// One response a status, its kinds described together.
