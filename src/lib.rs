@@ -14,12 +14,13 @@
 //! | 6 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
 //! | 7 | [`filter`] | probabilities of frames to the room of a stream |
 //! | 8 | [`model`] | the whole pipeline: train, recognize, the file |
-//! | 9 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 10 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
-//! | 11 | [`experiment`] | the experiments of the papers |
-//! | 12 | [`protocol`] | what travels between robots and the service |
-//! | 13 | [`client`], [`server`] | a client of the HTTP service, the service |
-//! | 14 | [`cli`] | the commands |
+//! | 9 | [`repository`] | which versions of which models there are, on a disk or in a bucket |
+//! | 10 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
+//! | 11 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
+//! | 12 | [`experiment`] | the experiments of the papers |
+//! | 13 | [`protocol`] | what travels between robots and the service |
+//! | 14 | [`client`], [`server`] | a client of the HTTP service, the service |
+//! | 15 | [`cli`] | the commands |
 //!
 //! Groups 1 to 8 are the recognition core. They know no async, no HTTP, no clock and no hidden
 //! randomness: seeds are arguments.
@@ -44,6 +45,8 @@ pub mod vocabulary;
 pub mod filter;
 
 pub mod model;
+
+pub mod repository;
 
 pub mod dataset;
 pub mod evaluate;

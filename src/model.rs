@@ -11,6 +11,7 @@ mod cue;
 mod features;
 mod folder;
 mod format;
+mod golden;
 mod held_out;
 mod machines;
 mod train;
@@ -20,8 +21,12 @@ pub use card::{Addition, Card, Measurement};
 pub use config::{CalibrationConfig, Classifier, Config, Representation, Sigmoids};
 pub use cue::{Cue, FrameLbpCue};
 pub use features::{Extractor, Features, Scratch};
-pub use folder::{GoldenFrame, LoadError, LoadedModel, SaveError, load_golden_frames};
+pub use folder::{
+    ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
+    move_into_place, write_about,
+};
 pub use format::{FORMAT_VERSION, FormatError};
+pub use golden::{GOLDEN_FOLDER, GoldenFrame, load_golden_frames, warm};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep};
 
 use crate::camera::Camera;

@@ -1,27 +1,27 @@
 //! A model on disk: a folder with `model.safetensors`, `model.json` and `golden/`.
 //!
-//! `model.json` tells people and tools what the model is, and holds the digest of the model file. `golden/`
-//! holds a few frames and, in `golden.json`, the answers the model gave when it was saved: whoever loads it
-//! can tell that it still answers the same.
+//! `model.json` tells people and tools what the model is, and holds the digest of the model file.
 
 use super::format::{FORMAT_VERSION, FormatError};
+use super::golden::{GOLDEN_FOLDER, GoldenFrame, write_golden};
 use super::{Card, Config, Model};
 use crate::camera::Projection;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
-const MODEL_FILE: &str = "model.safetensors";
-const ABOUT_FILE: &str = "model.json";
-const GOLDEN_FOLDER: &str = "golden";
-const GOLDEN_FILE: &str = "golden.json";
+/// The model itself.
+pub const MODEL_FILE: &str = "model.safetensors";
+/// What people and tools read about it.
+pub const ABOUT_FILE: &str = "model.json";
 
 /// The longest model file that is read.
-const MAX_MODEL_BYTES: u64 = 1 << 30;
+pub const MAX_MODEL_BYTES: u64 = 1 << 30;
 
 /// The longest `model.json`, `golden.json` or golden frame that is read.
-const MAX_SIDE_FILE_BYTES: u64 = 32 << 20;
+pub const MAX_SIDE_FILE_BYTES: u64 = 32 << 20;
 
 /// A model as it was loaded.
 #[derive(Debug)]
@@ -30,19 +30,6 @@ pub struct LoadedModel {
     pub model: Model,
     /// The BLAKE3 digest of its file: 64 hexadecimal digits.
     pub digest: String,
-}
-
-/// A frame with the answer that the model gave when it was saved.
-#[derive(Clone, Debug, PartialEq)]
-pub struct GoldenFrame {
-    /// Its file name.
-    pub name: String,
-    /// The encoded image.
-    pub bytes: Vec<u8>,
-    /// The room answered.
-    pub place: String,
-    /// Its probability.
-    pub probability: f32,
 }
 
 /// Why a model was not loaded; the text says what is wrong.
@@ -88,13 +75,6 @@ struct About {
     config: Config,
 }
 
-#[derive(Serialize, Deserialize)]
-struct GoldenAnswer {
-    file: String,
-    place: String,
-    probability: f32,
-}
-
 impl Model {
     /// Loads the model in a folder, or the model file itself, which needs its `model.json` beside it. The
     /// file's digest must be the one that `model.json` says.
@@ -123,36 +103,19 @@ impl Model {
         if folder.exists() {
             return Err(SaveError::Exists(folder.to_owned()));
         }
-        let parent = match folder.parent() {
-            Some(parent) if parent != Path::new("") => parent,
-            _ => Path::new("."),
-        };
+        let parent = parent_of(folder);
         let bytes = self.to_bytes()?;
-        self.write_new(folder, parent, &bytes, golden_frames)
-            .map_err(|source| SaveError::Io { path: folder.to_owned(), source })
-    }
-
-    fn write_new(
-        &self,
-        folder: &Path,
-        parent: &Path,
-        bytes: &[u8],
-        golden_frames: &[GoldenFrame],
-    ) -> io::Result<()> {
-        fs::create_dir_all(parent)?;
-        let unfinished = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(parent)?;
-        write_synced(&unfinished.path().join(MODEL_FILE), bytes)?;
-        let about = serde_json::to_vec_pretty(&self.about(bytes))?;
-        write_synced(&unfinished.path().join(ABOUT_FILE), &about)?;
-        if !golden_frames.is_empty() {
-            write_golden(&unfinished.path().join(GOLDEN_FOLDER), golden_frames)?;
-        }
-        File::open(unfinished.path())?.sync_all()?;
-        make_readable(unfinished.path())?;
-        fs::rename(unfinished.path(), folder)?;
-        // The folder has its name: nothing temporary is left to remove.
-        let _ = unfinished.keep();
-        File::open(parent)?.sync_all()
+        let write = || -> io::Result<()> {
+            fs::create_dir_all(parent)?;
+            let unfinished = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(parent)?;
+            write_new(&unfinished.path().join(MODEL_FILE), &bytes)?;
+            write_new(&unfinished.path().join(ABOUT_FILE), &serde_json::to_vec_pretty(&self.about(&bytes))?)?;
+            if !golden_frames.is_empty() {
+                write_golden(&unfinished.path().join(GOLDEN_FOLDER), golden_frames)?;
+            }
+            move_into_place(unfinished, folder)
+        };
+        write().map_err(|source| SaveError::Io { path: folder.to_owned(), source })
     }
 
     fn about(&self, bytes: &[u8]) -> About {
@@ -169,43 +132,47 @@ impl Model {
     }
 }
 
-/// The golden frames of a model folder; none when it has none.
-pub fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, LoadError> {
-    let folder = folder.join(GOLDEN_FOLDER);
-    let list_path = folder.join(GOLDEN_FILE);
-    if !list_path.exists() {
-        return Ok(Vec::new());
-    }
-    let answers: Vec<GoldenAnswer> = serde_json::from_slice(&read_bounded(&list_path, MAX_SIDE_FILE_BYTES)?)
-        .map_err(|error| refused(&list_path, error.to_string()))?;
-    let load = |answer: GoldenAnswer| {
-        if Path::new(&answer.file).file_name() != Some(answer.file.as_ref()) {
-            return Err(refused(&list_path, format!("{:?} is no file name", answer.file)));
+/// Writes `model.json` beside a model file that came without one.
+pub fn write_about(folder: &Path) -> Result<(), LoadError> {
+    let model_path = folder.join(MODEL_FILE);
+    let bytes = read_bounded(&model_path, MAX_MODEL_BYTES)?;
+    let model = Model::from_bytes(&bytes).map_err(|error| refused(&model_path, error.to_string()))?;
+    let about_path = folder.join(ABOUT_FILE);
+    let write = || -> io::Result<()> {
+        write_new(&about_path, &serde_json::to_vec_pretty(&model.about(&bytes))?)
+    };
+    write().map_err(|error| refused(&about_path, error.to_string()))
+}
+
+/// Gives a complete folder its name beside it, for good: it is on the disk before anybody can see it.
+pub fn move_into_place(unfinished: TempDir, folder: &Path) -> io::Result<()> {
+    sync_all(unfinished.path())?;
+    make_readable(unfinished.path())?;
+    fs::rename(unfinished.path(), folder)?;
+    // The folder has its name: nothing temporary is left to remove.
+    let _ = unfinished.keep();
+    File::open(parent_of(folder))?.sync_all()
+}
+
+fn parent_of(path: &Path) -> &Path {
+    path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
+}
+
+pub(super) fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    File::create_new(path)?.write_all(bytes)
+}
+
+/// Waits until a folder and all in it are on the disk.
+fn sync_all(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_type()?.is_dir() {
+            sync_all(&entry.path())?;
+        } else {
+            File::open(entry.path())?.sync_all()?;
         }
-        let bytes = read_bounded(&folder.join(&answer.file), MAX_SIDE_FILE_BYTES)?;
-        Ok(GoldenFrame { name: answer.file, bytes, place: answer.place, probability: answer.probability })
-    };
-    answers.into_iter().map(load).collect()
-}
-
-fn write_golden(folder: &Path, frames: &[GoldenFrame]) -> io::Result<()> {
-    fs::create_dir(folder)?;
-    for frame in frames {
-        write_synced(&folder.join(&frame.name), &frame.bytes)?;
     }
-    let answer = |frame: &GoldenFrame| GoldenAnswer {
-        file: frame.name.clone(),
-        place: frame.place.clone(),
-        probability: frame.probability,
-    };
-    let answers: Vec<GoldenAnswer> = frames.iter().map(answer).collect();
-    write_synced(&folder.join(GOLDEN_FILE), &serde_json::to_vec_pretty(&answers)?)
-}
-
-fn write_synced(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let mut file = File::create_new(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
+    File::open(folder)?.sync_all()
 }
 
 /// Temporary folders are private; a model is for whoever may read its parent folder.
@@ -219,7 +186,7 @@ fn make_readable(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, LoadError> {
+pub(super) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, LoadError> {
     let file = File::open(path).map_err(|error| refused(path, error.to_string()))?;
     let n_bytes = file.metadata().map_err(|error| refused(path, error.to_string()))?.len();
     if n_bytes > max_bytes {
@@ -230,6 +197,6 @@ fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, LoadError> {
     Ok(bytes)
 }
 
-fn refused(path: &Path, reason: impl Into<String>) -> LoadError {
+pub(super) fn refused(path: &Path, reason: impl Into<String>) -> LoadError {
     LoadError { path: path.to_owned(), reason: reason.into() }
 }

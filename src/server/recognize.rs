@@ -5,15 +5,13 @@ use super::body::Frame;
 use super::pool::{Panicked, Slot};
 use super::registry::ServedModel;
 use crate::image::{Image, ImageError, Limits};
-use crate::model::{Evidence, GoldenFrame, Model, Recognition, Scratch};
+use crate::model::{Evidence, Recognition, Scratch};
+pub use crate::model::warm;
 use std::cell::Cell;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio::time::timeout_at;
-
-/// How far the probability of a golden frame may be from the one when the model was saved.
-const PROBABILITY_TOLERANCE: f32 = 0.01;
 
 /// What to do with a frame. One model recognizes it from start to end.
 #[derive(Clone, Debug)]
@@ -121,33 +119,6 @@ pub fn look(
     Ok(seen)
 }
 
-/// Sends frames through decoding and recognition before a robot does: the golden ones of the model's
-/// folder, which must be answered as when it was saved, or else a drawn one.
-pub fn warm(model: &Model, golden_frames: &[GoldenFrame]) -> Result<(), String> {
-    if golden_frames.is_empty() {
-        return answer_of(model, &drawn_frame()).map(|_| ());
-    }
-    for golden in golden_frames {
-        let answer =
-            answer_of(model, &golden.bytes).map_err(|reason| format!("{}: {reason}", golden.name))?;
-        let place = &model.places()[answer.place_idx];
-        let probability = answer.probability();
-        if *place != golden.place || (probability - golden.probability).abs() > PROBABILITY_TOLERANCE {
-            let GoldenFrame { name, place: expected, probability: expected_probability, .. } = golden;
-            return Err(format!(
-                "the golden frame {name} is answered with {place} ({probability:.3}), \
-                 not with {expected} ({expected_probability:.3})"
-            ));
-        }
-    }
-    Ok(())
-}
-
-fn answer_of(model: &Model, bytes: &[u8]) -> Result<Recognition, String> {
-    let image = Image::decode(bytes, &Limits::default()).map_err(|error| error.to_string())?;
-    Ok(model.recognize(&image, &mut Scratch::default()))
-}
-
 fn see(task: Task, image: &Image) -> Seen {
     let model = &task.served.model;
     let (features, features_time) =
@@ -172,17 +143,6 @@ fn with_scratch<T>(served: &Arc<ServedModel>, work: impl FnOnce(&mut Scratch) ->
     let result = work(&mut scratches[scratch_idx].1);
     SCRATCHES.set(scratches);
     result
-}
-
-/// A PGM of 320 x 240 pixels with blocks of many greys, so that corners are found in it.
-fn drawn_frame() -> Vec<u8> {
-    let (width, height) = (320_u32, 240_u32);
-    let mut bytes = format!("P5\n{width} {height}\n255\n").into_bytes();
-    bytes.extend((0..width * height).map(|pixel| {
-        let (column, row) = (pixel % width / 20, pixel / width / 20);
-        (column * 89 + row * 151 + column * row * 37) as u8
-    }));
-    bytes
 }
 
 fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {

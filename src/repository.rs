@@ -1,0 +1,181 @@
+//! Which versions of which models there are, and which are to serve.
+//!
+//! A repository is a folder `NAME/VERSION/`, each version as [`crate::model`] writes it, with a record
+//! `NAME/serving.json` of what is to serve. It may also be one model's own folder, which is only read.
+//!
+//! A version never changes: it is put together in a staged folder and renamed when it is whole. So whoever
+//! looks sees all of a version or nothing, whenever the power goes.
+//!
+//! | file | what |
+//! |---|---|
+//! | `name` | how models and versions are called |
+//! | `record` | what is to serve |
+//! | `folder`, `single` | the kinds of repositories |
+//! | `fingerprint` | whether files are those that they were |
+//! | `package` | a version as one body, to be uploaded |
+
+mod fingerprint;
+mod folder;
+mod name;
+pub mod package;
+mod record;
+mod single;
+
+pub use fingerprint::Fingerprint;
+pub use folder::Folder;
+pub use name::{VersionId, is_name};
+pub use record::{Canary, Record, RecordError};
+pub use single::Single;
+
+use crate::model::MODEL_FILE;
+use std::collections::{BTreeMap, BTreeSet};
+use std::io;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// Where models come from. All calls wait for the disk or the network.
+#[derive(Debug)]
+pub enum Repository {
+    /// One model's own folder.
+    Single(Single),
+    /// A folder of many.
+    Folder(Folder),
+}
+
+/// What there is in a repository at one time.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Scan {
+    /// The models by name; each has a version at least.
+    pub models: BTreeMap<String, Listing>,
+    /// What lies there and is no version, each with the reason.
+    pub foreign: BTreeSet<String>,
+}
+
+/// What there is of one model.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Listing {
+    /// Its versions by number.
+    pub versions: BTreeMap<u64, Fingerprint>,
+    /// What is to serve.
+    pub record: Record,
+}
+
+/// Why a repository does not do what was asked.
+#[derive(Debug, thiserror::Error)]
+pub enum RepositoryError {
+    /// Nothing can be seen.
+    #[error("the models at {location} cannot be read: {source}")]
+    Unreadable {
+        /// The folder.
+        location: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+    /// A name that could lead elsewhere.
+    #[error(
+        "{0:?} is no name of a model or version: names have letters, digits, - _ and dots inside, versions \
+         are whole numbers"
+    )]
+    Name(String),
+    /// It is not there.
+    #[error("there is no version {0}")]
+    NoVersion(VersionId),
+    /// A version never changes.
+    #[error("{0} exists already; a version never changes: choose another number")]
+    Exists(VersionId),
+    /// A model's own folder is no repository.
+    #[error(
+        "{0} is one model's own folder, in which nothing is changed: give the folder that has it as NAME/VERSION"
+    )]
+    ReadOnly(PathBuf),
+    /// A record that says nothing sensible.
+    #[error("the record of what serves, {path}, cannot be read: {reason}; correct or remove it")]
+    Record {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The disk said no.
+    #[error("{path}: {source}")]
+    Io {
+        /// What was read or written.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+}
+
+impl Repository {
+    /// The repository at `location`: a folder `NAME/VERSION/`, or one model's own folder. What an interrupted
+    /// upload left is removed.
+    pub fn open(location: &str, _cache: &Path) -> Result<Self, RepositoryError> {
+        let unreadable = |source| RepositoryError::Unreadable { location: location.into(), source };
+        let folder = Path::new(location).canonicalize().map_err(unreadable)?;
+        if folder.join(MODEL_FILE).is_file() {
+            return Ok(Self::Single(Single::new(folder)));
+        }
+        Ok(Self::Folder(Folder::open(folder)?))
+    }
+
+    /// What there is now.
+    pub fn scan(&self) -> Result<Scan, RepositoryError> {
+        match self {
+            Self::Single(single) => single.scan(),
+            Self::Folder(folder) => folder.scan(),
+        }
+    }
+
+    /// The local folder of a version, with all of its files.
+    pub fn fetch(&self, id: &VersionId) -> Result<PathBuf, RepositoryError> {
+        match self {
+            Self::Single(single) => single.fetch(id),
+            Self::Folder(folder) => folder.fetch(id),
+        }
+    }
+
+    /// A new folder in which a version is put together. Nobody takes it for a version; it is removed when it
+    /// is dropped or, where the process was killed, when the repository is opened again.
+    pub fn stage(&self) -> Result<TempDir, RepositoryError> {
+        match self {
+            Self::Single(single) => Err(single.read_only()),
+            Self::Folder(folder) => folder.stage(),
+        }
+    }
+
+    /// Makes a staged folder a version. When this returns it is on the disk.
+    pub fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), RepositoryError> {
+        match self {
+            Self::Single(single) => Err(single.read_only()),
+            Self::Folder(folder) => folder.publish(id, staged),
+        }
+    }
+
+    /// Removes a version, all of it at once.
+    pub fn delete(&self, id: &VersionId) -> Result<(), RepositoryError> {
+        match self {
+            Self::Single(single) => Err(single.read_only()),
+            Self::Folder(folder) => folder.delete(id),
+        }
+    }
+
+    /// What is to serve of a model; the default where nothing was said yet.
+    pub fn record(&self, name: &str) -> Result<Record, RepositoryError> {
+        match self {
+            Self::Single(_) => Ok(Record::default()),
+            Self::Folder(folder) => folder.record(name),
+        }
+    }
+
+    /// Says what is to serve of a model. When this returns it is on the disk.
+    pub fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
+        match self {
+            Self::Single(single) => Err(single.read_only()),
+            Self::Folder(folder) => folder.write_record(name, record),
+        }
+    }
+}
+
+fn io_error(path: &Path) -> impl Fn(io::Error) -> RepositoryError {
+    move |source| RepositoryError::Io { path: path.to_owned(), source }
+}

@@ -1,0 +1,48 @@
+//! Tells whether the files of a version are those that they were.
+
+use std::fs::{self, Metadata};
+use std::io;
+use std::path::Path;
+use std::time::UNIX_EPOCH;
+
+/// Folders in a version's folder are looked into this deep; more are not its own.
+const MAX_DEPTH: usize = 2;
+
+/// Changes when the files of a version do: made of their names, sizes and times of modification, or of a
+/// bucket's ETags.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Fingerprint(pub String);
+
+impl Fingerprint {
+    /// Of all files in a folder.
+    pub(super) fn of_folder(folder: &Path) -> io::Result<Self> {
+        let mut lines = Vec::new();
+        collect(folder, MAX_DEPTH, &mut lines)?;
+        Ok(Self::of_lines(lines))
+    }
+
+    /// Of lines that say what there is, in any order.
+    pub(super) fn of_lines(mut lines: Vec<String>) -> Self {
+        lines.sort();
+        Self(blake3::hash(lines.join("\n").as_bytes()).to_hex().to_string())
+    }
+}
+
+fn collect(folder: &Path, depth: usize, lines: &mut Vec<String>) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let metadata = fs::metadata(&path)?;
+        if !metadata.is_dir() {
+            lines.push(format!("{path:?} {} {}", metadata.len(), modified(&metadata)));
+        } else if depth > 1 {
+            collect(&path, depth - 1, lines)?;
+        }
+    }
+    Ok(())
+}
+
+/// In nanoseconds; 0 where the system does not know.
+fn modified(metadata: &Metadata) -> u128 {
+    let since = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+    since.map_or(0, |duration| duration.as_nanos())
+}

@@ -1,0 +1,80 @@
+//! How models and versions are called.
+
+use super::RepositoryError;
+use std::fmt;
+use std::str::FromStr;
+
+const MAX_NAME_BYTES: usize = 64;
+
+/// Which version of which model. Displays as `lab/3`.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct VersionId {
+    /// The model's name.
+    pub name: String,
+    /// The version's number.
+    pub version: u64,
+}
+
+impl VersionId {
+    /// This version of this model.
+    pub fn new(name: impl Into<String>, version: u64) -> Self {
+        Self { name: name.into(), version }
+    }
+}
+
+impl fmt::Display for VersionId {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        write!(f, "{}/{}", self.name, self.version)
+    }
+}
+
+/// Reads `lab/3`.
+impl FromStr for VersionId {
+    type Err = RepositoryError;
+
+    fn from_str(text: &str) -> Result<Self, RepositoryError> {
+        let parts = text.split_once('/').filter(|(name, _)| is_name(name));
+        let id = parts.and_then(|(name, number)| Some(Self::new(name, version_number(number)?)));
+        id.ok_or_else(|| RepositoryError::Name(text.to_owned()))
+    }
+}
+
+/// Whether a name can stand in a path, a query and a log as it is.
+pub fn is_name(name: &str) -> bool {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    !name.is_empty() && name.len() <= MAX_NAME_BYTES && !name.starts_with('.') && name.chars().all(is_plain)
+}
+
+/// The number of a version, in its one notation: `007` and `+7` are none.
+pub(super) fn version_number(text: &str) -> Option<u64> {
+    text.parse().ok().filter(|number: &u64| number.to_string() == text)
+}
+
+/// Refuses names that could lead elsewhere.
+pub(super) fn check_name(name: &str) -> Result<(), RepositoryError> {
+    if is_name(name) { Ok(()) } else { Err(RepositoryError::Name(name.to_owned())) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_plain_names_are_taken() {
+        for name in ["lab", "Lab_2.b-c", "x"] {
+            assert!(is_name(name), "{name}");
+        }
+        for name in ["", ".lab", "..", "a b", "a/b", "a\\b", "caf\u{e9}", &"x".repeat(65)] {
+            assert!(!is_name(name), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_version_has_one_notation() {
+        let id: VersionId = "lab/18446744073709551615".parse().unwrap();
+        assert_eq!((id.to_string().as_str(), id.version), ("lab/18446744073709551615", u64::MAX));
+        for text in ["lab", "lab/", "lab/07", "lab/+7", "lab/7/", "../7", "lab/-1", "lab/18446744073709551616"] {
+            assert!(text.parse::<VersionId>().unwrap_err().to_string().contains(text), "{text}");
+        }
+    }
+}
