@@ -138,9 +138,8 @@ pub fn write_about(folder: &Path) -> Result<(), LoadError> {
     let bytes = read_bounded(&model_path, MAX_MODEL_BYTES)?;
     let model = Model::from_bytes(&bytes).map_err(|error| refused(&model_path, error.to_string()))?;
     let about_path = folder.join(ABOUT_FILE);
-    let write = || -> io::Result<()> {
-        write_new(&about_path, &serde_json::to_vec_pretty(&model.about(&bytes))?)
-    };
+    let write =
+        || -> io::Result<()> { write_new(&about_path, &serde_json::to_vec_pretty(&model.about(&bytes))?) };
     write().map_err(|error| refused(&about_path, error.to_string()))
 }
 
