@@ -73,7 +73,9 @@ mod tests {
     fn a_version_has_one_notation() {
         let id: VersionId = "lab/18446744073709551615".parse().unwrap();
         assert_eq!((id.to_string().as_str(), id.version), ("lab/18446744073709551615", u64::MAX));
-        for text in ["lab", "lab/", "lab/07", "lab/+7", "lab/7/", "../7", "lab/-1", "lab/18446744073709551616"] {
+        for text in
+            ["lab", "lab/", "lab/07", "lab/+7", "lab/7/", "../7", "lab/-1", "lab/18446744073709551616"]
+        {
             assert!(text.parse::<VersionId>().unwrap_err().to_string().contains(text), "{text}");
         }
     }

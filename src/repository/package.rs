@@ -182,7 +182,7 @@ fn announced_name(kind: EntryType, entry: &mut Entry<File>) -> Result<Option<Vec
             _ => {}
         }
     }
-    Ok(Some(name))
+    Ok(name)
 }
 
 /// The path in the version's folder that an entry has there; empty for the folder itself.
@@ -202,9 +202,8 @@ fn path_of(name: &str, kind: EntryType) -> Result<&str, PackageError> {
 
 /// Whether a version may have a file of this path, relative to its folder.
 pub(super) fn is_file_of_version(path: &str) -> bool {
-    let is_plain = |name: &str| {
-        !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\', ':', '\0'])
-    };
+    let is_plain =
+        |name: &str| !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\', ':', '\0']);
     let golden = path.strip_prefix(GOLDEN_FOLDER).and_then(|rest| rest.strip_prefix('/'));
     path == MODEL_FILE || path == ABOUT_FILE || golden.is_some_and(is_plain)
 }
@@ -380,9 +379,11 @@ mod tests {
         }
         let twice = [("model.json", plain, &b"{}"[..]), ("./model.json", plain, b"{}")];
         assert!(refused(&tar(&twice)).contains("twice"));
-        let renamed = [("PaxHeader", EntryType::XHeader, &b"18 path=../../etc\n"[..]), ("model.json", plain, b"")];
+        let renamed =
+            [("PaxHeader", EntryType::XHeader, &b"18 path=../../etc\n"[..]), ("model.json", plain, b"")];
         assert!(refused(&tar(&renamed)).contains("../../etc"));
-        let resized = [("PaxHeader", EntryType::XHeader, &b"16 size=9999999\n"[..]), ("model.json", plain, b"")];
+        let resized =
+            [("PaxHeader", EntryType::XHeader, &b"16 size=9999999\n"[..]), ("model.json", plain, b"")];
         assert!(refused(&tar(&resized)).contains("size"));
     }
 
@@ -415,7 +416,9 @@ mod tests {
     fn a_tar_that_was_cut_is_refused_wherever() {
         for length in (MARK_OFFSET as usize + MARK.len()..PACKED.len()).step_by(64) {
             // Less than all of the end is as good as all of it, and ours has some to spare.
-            if PACKED[length..].iter().all(|byte| *byte == 0) && PACKED[length - END_BYTES..length] == [0; END_BYTES] {
+            if PACKED[length..].iter().all(|byte| *byte == 0)
+                && PACKED[length - END_BYTES..length] == [0; END_BYTES]
+            {
                 continue;
             }
             assert!(unpacked(&PACKED[..length], &Limits::default()).1.is_err(), "{length}");
