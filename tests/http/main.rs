@@ -4,6 +4,7 @@
 
 mod calls;
 mod command;
+mod kill;
 mod load;
 mod models;
 mod replay;
