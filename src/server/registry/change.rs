@@ -1,5 +1,6 @@
 //! Another version comes to serve: it is loaded and tried first, then takes the place of the old one at once.
 
+use super::aside::aside;
 use super::served::Table;
 use super::state::{Loaded, State};
 use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, Stage, lock};
@@ -89,7 +90,7 @@ impl Registry {
     /// A model that does not work, a version that is there already, a repository that cannot be written.
     pub fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), ChangeError> {
         let _one = lock(&self.loading);
-        try_model(staged.path(), |_| ())?;
+        aside(|| try_model(staged.path(), |_| ()))?;
         Ok(self.repository.publish(id, staged)?)
     }
 
@@ -169,7 +170,7 @@ impl Registry {
         let failed = |error: RepositoryError| Failure { stage: Stage::Verifying, reason: error.to_string() };
         let result = self.repository.fetch(&id).map_err(failed).and_then(|folder| {
             let _one = lock(&self.loading);
-            try_model(&folder, |state| self.enter(&id, state))
+            aside(|| try_model(&folder, |state| self.enter(&id, state)))
         });
         result.map_err(|failure| {
             tracing::error!(version = %id, %failure, "does not serve");
