@@ -45,6 +45,9 @@ pub struct Registry {
     book: Mutex<Book>,
     /// Held while a change is written down and the table replaced: changes come one after the other.
     committing: Mutex<()>,
+    /// Held while the repository is looked at and the book brought up to date, so that no older look undoes
+    /// what a younger one found.
+    looking: Mutex<()>,
     /// Held while a model is read and tried: one at a time, so that frames keep the processors.
     loading: Mutex<()>,
     events: Events,
@@ -65,6 +68,8 @@ pub struct Entry {
     pub record: Record,
     /// By number.
     pub versions: BTreeMap<u64, Version>,
+    /// What served at the start in the place of the stable version, which did not work.
+    fallback: Option<u64>,
     /// The table is as the record says, as far as that works.
     is_followed: bool,
     /// Changes that were begun.
