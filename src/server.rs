@@ -15,6 +15,8 @@
 //! | `registry` | the models that serve |
 //! | `stream` | frames over a WebSocket; see there |
 //! | `events`, `robots` | what dashboards are told |
+//! | `metrics` | what is counted and measured, for Prometheus |
+//! | `trace` | the caller's trace, which a request's spans belong to |
 //! | `problem` | every error a caller can see; the only place with status codes |
 //! | `api`, `openapi`, `asyncapi` | what travels, and its description |
 //! | `linger` | reading on after an early answer |
@@ -30,6 +32,7 @@ mod body;
 mod events;
 mod linger;
 mod listen;
+mod metrics;
 mod observe;
 mod openapi;
 mod pool;
@@ -41,6 +44,7 @@ mod robots;
 mod routes;
 mod settings;
 mod stream;
+mod trace;
 
 pub use asyncapi::stream_document;
 pub use auth::{Key, KeyError, Role};
@@ -49,6 +53,7 @@ pub use registry::RegistryError;
 pub use routes::{document, router};
 pub use settings::{LogFormat, Settings, SettingsError};
 
+use self::metrics::Metrics;
 use events::Events;
 use observe::RequestIds;
 use pool::Pool;
@@ -73,6 +78,7 @@ pub struct AppState {
     request_ids: RequestIds,
     streams: Streams,
     events: Events,
+    metrics: Metrics,
     stopping: CancellationToken,
 }
 
@@ -85,6 +91,9 @@ pub enum StartError {
     /// No threads.
     #[error("the recognizing threads cannot be started: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
+    /// No metrics.
+    #[error("the metrics cannot be set up: {0}")]
+    Metrics(#[from] metrics_exporter_prometheus::BuildError),
 }
 
 impl App {
@@ -98,6 +107,7 @@ impl App {
             request_ids: RequestIds::new(),
             streams: Streams::new(settings.max_streams),
             events: Events::default(),
+            metrics: Metrics::new()?,
             stopping: CancellationToken::new(),
             settings,
         })))

@@ -31,6 +31,9 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         listener,
         stopped,
     };
+    let tidying = app.clone();
+    let mut tidy = JoinSet::new();
+    tidy.spawn(async move { tidying.metrics.tidy().await });
     let mut connections = JoinSet::new();
     tokio::select! {
         never = acceptor.run(&mut connections, Life::UntilStop) => match never {},

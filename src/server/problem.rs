@@ -230,10 +230,7 @@ impl Problem {
                 LookupError::NotReady(..) | LookupError::NoLabel(..) => K::NotReady,
             },
             Self::Busy(_) => K::QueueFull,
-            Self::Recognize(RecognizeError::Image(ImageError::TooLarge(_))) => K::TooLarge,
-            Self::Recognize(RecognizeError::Image(_)) => K::NotAnImage,
-            Self::Recognize(RecognizeError::DeadlinePassed) => K::DeadlinePassed,
-            Self::Recognize(RecognizeError::CallerLeft | RecognizeError::Panicked(_)) => K::Internal,
+            Self::Recognize(error) => Kind::from(error),
             Self::Query(_) => K::BadRequest,
             Self::NoWebSocket(_) => K::NoWebSocket,
             Self::Activate(ActivateError::Failed(_)) => K::NotReady,
@@ -284,6 +281,17 @@ impl Problem {
             Self::Busy(QueueFull { retry_after })
             | Self::Body(BodyError::NoMemory(QueueFull { retry_after })) => Some(*retry_after),
             _ => None,
+        }
+    }
+}
+
+impl From<&RecognizeError> for Kind {
+    fn from(error: &RecognizeError) -> Self {
+        match error {
+            RecognizeError::Image(ImageError::TooLarge(_)) => K::TooLarge,
+            RecognizeError::Image(_) => K::NotAnImage,
+            RecognizeError::DeadlinePassed => K::DeadlinePassed,
+            RecognizeError::CallerLeft | RecognizeError::Panicked(_) => K::Internal,
         }
     }
 }

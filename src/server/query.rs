@@ -1,6 +1,7 @@
 //! What a request asks for beside its frame, checked before its body is read.
 
 use super::App;
+use super::metrics::Transport;
 use super::observe::RequestContext;
 use super::problem::Problem;
 use super::recognize::Task;
@@ -48,6 +49,7 @@ impl FromRequestParts<App> for Asked {
             served,
             deadline: wait.and_then(|wait| context.arrived.checked_add(wait)),
             explain: query.explain,
+            transport: Transport::Rest,
         };
         Ok(Self { query, context, task })
     }

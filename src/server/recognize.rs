@@ -2,6 +2,7 @@
 
 use super::App;
 use super::body::Frame;
+use super::metrics::{FrameOutcome, Transport};
 use super::pool::{Panicked, Slot};
 use super::registry::ServedModel;
 use crate::image::{Image, ImageError, Limits};
@@ -11,6 +12,7 @@ use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio::time::timeout_at;
+use tracing::{Span, debug_span};
 
 /// How far the probability of a golden frame may be from the one when the model was saved.
 const PROBABILITY_TOLERANCE: f32 = 0.01;
@@ -24,6 +26,8 @@ pub struct Task {
     pub deadline: Option<Instant>,
     /// Whether the keypoints that spoke for the room are wanted.
     pub explain: bool,
+    /// What brought the frame.
+    pub transport: Transport,
 }
 
 /// What was seen in a frame.
@@ -78,13 +82,21 @@ pub fn recognize(
     task: Task,
 ) -> impl Future<Output = Result<Seen, RecognizeError>> + use<> {
     let limits = app.settings.frame_limits();
-    let queued = Instant::now();
+    let queued = (Instant::now(), debug_span!("queue"));
     let deadline = task.deadline;
     let (start, started) = oneshot::channel();
-    let span = tracing::Span::current();
+    let mut end = End {
+        app: app.clone(),
+        served: task.served.clone(),
+        transport: task.transport,
+        outcome: FrameOutcome::CallerLeft,
+    };
+    let span = Span::current();
     let answer = app.pool.run(slot, move |has_left| {
         let _entered = span.enter();
-        let queue = queued.elapsed();
+        let (since, waiting) = queued;
+        let queue = since.elapsed();
+        drop(waiting);
         if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
             return Err(RecognizeError::DeadlinePassed);
         }
@@ -94,12 +106,37 @@ pub fn recognize(
         Ok(seen)
     });
     async move {
-        if let Some(deadline) = deadline
-            && timeout_at(deadline.into(), started).await.is_err()
-        {
-            return Err(RecognizeError::DeadlinePassed);
-        }
-        answer.await?
+        let is_late = match deadline {
+            Some(deadline) => timeout_at(deadline.into(), started).await.is_err(),
+            None => false,
+        };
+        let result = if is_late {
+            Err(RecognizeError::DeadlinePassed)
+        } else {
+            answer.await.unwrap_or_else(|panicked| Err(panicked.into()))
+        };
+        end.came_to(FrameOutcome::from(&result));
+        result
+    }
+}
+
+/// Counts what became of a frame. Whoever leaves drops it before its outcome is known.
+struct End {
+    app: App,
+    served: Arc<ServedModel>,
+    transport: Transport,
+    outcome: FrameOutcome,
+}
+
+impl End {
+    fn came_to(&mut self, outcome: FrameOutcome) {
+        self.outcome = outcome;
+    }
+}
+
+impl Drop for End {
+    fn drop(&mut self) {
+        self.app.metrics.frame(&self.served, self.transport, self.outcome);
     }
 }
 
@@ -110,7 +147,7 @@ pub fn look(
     task: Task,
     has_left: &dyn Fn() -> bool,
 ) -> Result<Seen, RecognizeError> {
-    let (image, decode) = timed(|| Image::decode(&frame.bytes, limits));
+    let (image, decode) = timed(&debug_span!("decode"), || Image::decode(&frame.bytes, limits));
     let image = image?;
     drop(frame);
     if has_left() {
@@ -150,9 +187,10 @@ fn answer_of(model: &Model, bytes: &[u8]) -> Result<Recognition, String> {
 
 fn see(task: Task, image: &Image) -> Seen {
     let model = &task.served.model;
-    let (features, features_time) =
-        timed(|| with_scratch(&task.served, |scratch| model.features(image, scratch)));
-    let (recognition, classify) = timed(|| model.classify(&features));
+    let (features, features_time) = timed(&debug_span!("features"), || {
+        with_scratch(&task.served, |scratch| model.features(image, scratch))
+    });
+    let (recognition, classify) = timed(&debug_span!("classify"), || model.classify(&features));
     let evidence = task.explain.then(|| model.explain(&features, recognition.place_idx));
     let timings = Timings { features: features_time, classify, ..Timings::default() };
     Seen { recognition, evidence, timings, served: task.served }
@@ -185,8 +223,8 @@ fn drawn_frame() -> Vec<u8> {
     bytes
 }
 
-fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
+fn timed<T>(span: &Span, work: impl FnOnce() -> T) -> (T, Duration) {
     let started = Instant::now();
-    let result = work();
+    let result = span.in_scope(work);
     (result, started.elapsed())
 }

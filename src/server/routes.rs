@@ -2,6 +2,7 @@
 
 use super::asyncapi::stream_document;
 use super::body::{Frame, Frames, OneFrame};
+use super::metrics::{self, SwapKind, SwapOutcome};
 use super::openapi::{
     ActivateProblems, BatchForm, Description, FrameForm, FrameProblems, ImageBytes, ModelProblems,
     PathProblems, ReadyProblems,
@@ -23,6 +24,7 @@ use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Redirect};
 use axum::routing::get;
 use axum::{Json, Router};
+use std::time::Instant;
 use tokio::task::spawn_blocking;
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi;
@@ -74,6 +76,7 @@ fn viewers() -> OpenApiRouter<App> {
         .routes(routes!(events::events))
         .routes(routes!(robots::list_robots))
         .routes(routes!(robots::show_robot))
+        .routes(routes!(metrics::scrape))
 }
 
 fn admins() -> OpenApiRouter<App> {
@@ -189,8 +192,13 @@ async fn activate(
     let Path((name, version)) = path.map_err(|error| Problem::Query(error.body_text()))?;
     let loading = app.clone();
     let work = move || loading.registry.activate(&name, version, recognize::warm);
+    let began = Instant::now();
     // A panic on the way is a defect of ours.
-    let served = spawn_blocking(work).await.map_err(|_| Problem::from(RecognizeError::from(Panicked)))??;
+    let activated = spawn_blocking(work).await.map_err(|_| Problem::from(RecognizeError::from(Panicked)));
+    let activated = activated.and_then(|activated| activated.map_err(Problem::from));
+    let outcome = if activated.is_ok() { SwapOutcome::Done } else { SwapOutcome::Failed };
+    app.metrics.swapped(SwapKind::Activate, began.elapsed(), outcome);
+    let served = activated?;
     app.events.tell(|| Event::ModelChanged { to: ModelName::from(&*served) });
     let versions = app.registry.versions(&served.name)?;
     Ok(Json(VersionInfo::new(version, versions.state(&served.name, version)?, &versions)))

@@ -5,8 +5,10 @@
 mod calls;
 mod command;
 mod load;
+mod metrics;
 mod replay;
 mod robot;
 mod service;
 mod stream;
 mod stream_property;
+mod trace;

@@ -19,11 +19,13 @@ use crate::protocol::stream::{
 };
 use crate::server::App;
 use crate::server::body::{BodyError, Frame};
+use crate::server::metrics::{FrameOutcome, Transport};
 use crate::server::pool::Panicked;
 use crate::server::problem::Problem;
 use crate::server::recognize::{RecognizeError, Task, look};
 use crate::server::registry::{Choice, ServedModel};
 use crate::server::robots::Record;
+use crate::server::trace::FrameSpans;
 use axum::body::Bytes;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -284,7 +286,10 @@ impl Session {
             Ok(frame) if frame.bytes.is_empty() => {
                 self.ledger.settle(seq, Outcome::Failed(BodyError::Empty.into()));
             }
-            Ok(frame) => self.wait(Waiting { seq, arrived, deadline: self.deadline(arrived), frame }),
+            Ok(frame) => {
+                let (deadline, spans) = (self.deadline(arrived), FrameSpans::begin(seq));
+                self.wait(Waiting { seq, arrived, deadline, frame, spans });
+            }
         }
         self.tell()
     }
@@ -352,14 +357,17 @@ impl Session {
             let seq = frame.seq;
             let messages = match outcome {
                 Outcome::Seen(seen) => {
+                    self.count(&seen.served, FrameOutcome::Answered(seen.timings));
                     self.teller.result(&frame, *seen, (&self.settings, &self.app.events, &self.record))
                 }
                 Outcome::Failed(problem) => {
                     self.record.failed();
+                    self.count(self.teller.served(), FrameOutcome::Failed(problem.kind()));
                     vec![self.error(Some(seq), &problem)]
                 }
                 Outcome::Dropped(reason) => {
                     self.record.dropped(reason);
+                    self.app.metrics.dropped(reason);
                     vec![text(&ServerMessage::Dropped { seq, reason })]
                 }
             };
@@ -369,6 +377,10 @@ impl Session {
             said.extend(messages);
         }
         said
+    }
+
+    fn count(&self, served: &ServedModel, outcome: FrameOutcome) {
+        self.app.metrics.frame(served, Transport::Stream, outcome);
     }
 
     fn configure(&mut self, message: &str) -> ServerMessage {
@@ -439,7 +451,8 @@ impl Turn {
     /// Takes the stream's first frame that is still in time, and recognizes it.
     fn run(self) {
         let choose = || self.app.registry.choose(Some(&self.model), &Choice::Serving);
-        while let Some((Waiting { seq, arrived, deadline, frame }, served)) = self.lane.take(choose) {
+        while let Some((Waiting { seq, arrived, deadline, frame, spans }, served)) = self.lane.take(choose) {
+            let span = spans.taken();
             let _ = self.newsroom.send(News::Took);
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 self.settle(seq, Outcome::Dropped(DropReason::Deadline));
@@ -450,7 +463,11 @@ impl Turn {
             let limits = self.app.settings.frame_limits();
             verdict.outcome = Some(match served {
                 Err(error) => Outcome::Failed(error.into()),
-                Ok(served) => see(frame, &limits, Task { served, deadline, explain: false }, queue),
+                Ok(served) => {
+                    let transport = Transport::Stream;
+                    let task = Task { served, deadline, explain: false, transport };
+                    span.in_scope(|| see(frame, &limits, task, queue))
+                }
             });
             return;
         }
