@@ -31,9 +31,12 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         listener,
         stopped,
     };
-    let tidying = app.clone();
-    let mut tidy = JoinSet::new();
-    tidy.spawn(async move { tidying.metrics.tidy().await });
+    // It ends with this call, as all tasks of a set do that is dropped.
+    let mut tidying = JoinSet::new();
+    tidying.spawn({
+        let app = app.clone();
+        async move { app.metrics.tidy().await }
+    });
     let mut connections = JoinSet::new();
     tokio::select! {
         never = acceptor.run(&mut connections, Life::UntilStop) => match never {},

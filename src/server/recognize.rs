@@ -115,12 +115,12 @@ pub fn recognize(
         } else {
             answer.await.unwrap_or_else(|panicked| Err(panicked.into()))
         };
-        end.came_to(FrameOutcome::from(&result));
+        end.set(FrameOutcome::from(&result));
         result
     }
 }
 
-/// Counts what became of a frame. Whoever leaves drops it before its outcome is known.
+/// Counts what became of a frame. A caller that leaves drops it before another outcome is known.
 struct End {
     app: App,
     served: Arc<ServedModel>,
@@ -129,7 +129,8 @@ struct End {
 }
 
 impl End {
-    fn came_to(&mut self, outcome: FrameOutcome) {
+    /// It came to this.
+    fn set(&mut self, outcome: FrameOutcome) {
         self.outcome = outcome;
     }
 }

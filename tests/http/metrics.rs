@@ -299,7 +299,8 @@ fn told(scrape: &Scrape) -> BTreeMap<String, (String, BTreeSet<String>)> {
     for line in scrape.text.lines().filter_map(|line| line.strip_prefix("# TYPE ")) {
         let (name, kind) = line.split_once(' ').unwrap();
         let suffix = if kind == "histogram" { "_count" } else { "" };
-        let is_of = |series: &&&str| series.split('{').next() == Some(&format!("{name}{suffix}"));
+        let wanted = format!("{name}{suffix}");
+        let is_of = |series: &&&str| series.split('{').next() == Some(wanted.as_str());
         let all = scrape.series();
         let series = all.iter().find(is_of).unwrap_or_else(|| panic!("{name} has no series"));
         let labels = series.split_once('{').map_or("", |(_, labels)| labels.trim_end_matches('}'));

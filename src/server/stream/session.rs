@@ -379,6 +379,7 @@ impl Session {
         said
     }
 
+    /// Counts a frame that is told; one that cannot be read counts for the model of the last answer.
     fn count(&self, served: &ServedModel, outcome: FrameOutcome) {
         self.app.metrics.frame(served, Transport::Stream, outcome);
     }
