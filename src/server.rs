@@ -17,6 +17,8 @@
 //! | `watch` | looking for what is new among them |
 //! | `stream` | frames over a WebSocket; see there |
 //! | `events`, `robots` | what dashboards are told |
+//! | `metrics` | what is counted and measured, for Prometheus |
+//! | `trace` | the caller's trace, which a request's spans belong to |
 //! | `problem` | every error a caller can see; the only place with status codes |
 //! | `api`, `openapi`, `asyncapi` | what travels, and its description |
 //! | `linger` | reading on after an early answer |
@@ -32,6 +34,7 @@ mod body;
 mod events;
 mod linger;
 mod listen;
+mod metrics;
 mod models;
 mod observe;
 mod openapi;
@@ -44,6 +47,7 @@ mod robots;
 mod routes;
 mod settings;
 mod stream;
+mod trace;
 mod upload;
 mod watch;
 
@@ -54,6 +58,7 @@ pub use registry::RegistryError;
 pub use routes::{document, router};
 pub use settings::{LogFormat, Policy, Settings, SettingsError};
 
+use self::metrics::Metrics;
 use crate::repository::Repository;
 use events::Events;
 use observe::RequestIds;
@@ -79,6 +84,7 @@ pub struct AppState {
     request_ids: RequestIds,
     streams: Streams,
     events: Events,
+    metrics: Arc<Metrics>,
     stopping: CancellationToken,
 }
 
@@ -91,6 +97,9 @@ pub enum StartError {
     /// No threads.
     #[error("the recognizing threads cannot be started: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
+    /// No metrics.
+    #[error("the metrics cannot be set up: {0}")]
+    Metrics(#[from] metrics_exporter_prometheus::BuildError),
 }
 
 impl App {
@@ -98,14 +107,16 @@ impl App {
     pub fn start(settings: Settings) -> Result<Self, StartError> {
         let location = settings.models.to_string_lossy();
         let repository = Repository::open(&location, &settings.models_cache).map_err(RegistryError::from)?;
-        let events = Events::default();
+        let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
+        let registry = Registry::open(repository, &settings, (events.clone(), metrics.clone()))?;
         Ok(Self(Arc::new(AppState {
-            registry: Registry::open(repository, &settings, events.clone())?,
+            registry,
             pool: Pool::new(settings.n_threads(), settings.queue)?,
             body_memory: Arc::new(Semaphore::new(settings.max_buffered_bytes)),
             request_ids: RequestIds::new(),
             streams: Streams::new(settings.max_streams),
             events,
+            metrics,
             stopping: CancellationToken::new(),
             settings,
         })))

@@ -3,6 +3,7 @@
 use super::App;
 use super::linger::linger;
 use super::problem::Problem;
+use super::trace::TraceParent;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::middleware::Next;
@@ -15,6 +16,8 @@ use std::time::Instant;
 use tracing::field::Empty;
 use tracing::{Instrument, info_span};
 
+/// The route of requests that match none.
+const NO_ROUTE: &str = "(none)";
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const MAX_ID_BYTES: usize = 64;
 /// What the documentation page needs, and nothing from elsewhere.
@@ -58,17 +61,22 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     let context =
         RequestContext { id: given.unwrap_or_else(|| app.request_ids.next()), arrived: Instant::now() };
     let route = request.extensions().get::<MatchedPath>().cloned();
-    let route = route.as_ref().map_or("(none)", MatchedPath::as_str);
+    let method = request.method().clone();
+    let route_name = || route.as_ref().map_or(NO_ROUTE, MatchedPath::as_str);
     let span = info_span!(
-        "request", request_id = %context.id, method = %request.method(), route,
+        "request", request_id = %context.id, %method, route = route_name(), trace_id = Empty,
         key = Empty, robot = Empty, model = Empty
     );
-    async move {
+    if let Some(parent) = TraceParent::of(request.headers()) {
+        parent.adopt(&span);
+    }
+    async {
         let mut request = linger(request);
         request.extensions_mut().insert(context.clone());
         let response = complete(next.run(request).await, &context);
-        let ms = context.arrived.elapsed().as_micros() as f64 / 1e3;
-        tracing::info!(status = response.status().as_u16(), ms, "answered");
+        let (status, took) = (response.status(), context.arrived.elapsed());
+        app.metrics.answered(route_name(), &method, (status, took));
+        tracing::info!(status = status.as_u16(), ms = took.as_micros() as f64 / 1e3, "answered");
         response
     }
     .instrument(span)

@@ -265,10 +265,7 @@ impl Problem {
             Self::Change(error) => change_kind(error),
             Self::Upload(error) => error.kind(),
             Self::Busy(_) => K::QueueFull,
-            Self::Recognize(RecognizeError::Image(ImageError::TooLarge(_))) => K::TooLarge,
-            Self::Recognize(RecognizeError::Image(_)) => K::NotAnImage,
-            Self::Recognize(RecognizeError::DeadlinePassed) => K::DeadlinePassed,
-            Self::Recognize(RecognizeError::CallerLeft | RecognizeError::Panicked(_)) => K::Internal,
+            Self::Recognize(error) => Kind::from(error),
             Self::Query(_) => K::BadRequest,
             Self::NoWebSocket(_) => K::NoWebSocket,
             Self::NotFound | Self::NoRobot(_) => K::NotFound,
@@ -348,6 +345,17 @@ pub fn repository_kind(error: &RepositoryError) -> Kind {
         RepositoryError::NoVersion(_) => K::NoSuchModel,
         RepositoryError::Exists(_) | RepositoryError::ReadOnly(_) => K::Conflict,
         _ => K::NoRepository,
+    }
+}
+
+impl From<&RecognizeError> for Kind {
+    fn from(error: &RecognizeError) -> Self {
+        match error {
+            RecognizeError::Image(ImageError::TooLarge(_)) => K::TooLarge,
+            RecognizeError::Image(_) => K::NotAnImage,
+            RecognizeError::DeadlinePassed => K::DeadlinePassed,
+            RecognizeError::CallerLeft | RecognizeError::Panicked(_) => K::Internal,
+        }
     }
 }
 

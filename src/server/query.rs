@@ -2,6 +2,7 @@
 
 use super::App;
 use super::auth::KeyName;
+use super::metrics::Transport;
 use super::observe::RequestContext;
 use super::problem::Problem;
 use super::recognize::Task;
@@ -51,6 +52,7 @@ impl FromRequestParts<App> for Asked {
             served,
             deadline: wait.and_then(|wait| context.arrived.checked_add(wait)),
             explain: query.explain,
+            transport: Transport::Rest,
         };
         Ok(Self { query, context, task })
     }

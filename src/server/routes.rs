@@ -2,6 +2,7 @@
 
 use super::asyncapi::stream_document;
 use super::body::{Frame, Frames, OneFrame};
+use super::metrics;
 use super::openapi::{
     BatchForm, Description, FrameForm, FrameProblems, ImageBytes, PathProblems, ReadyProblems,
 };
@@ -67,6 +68,7 @@ fn viewers() -> OpenApiRouter<App> {
         .routes(routes!(events::events))
         .routes(routes!(robots::list_robots))
         .routes(routes!(robots::show_robot))
+        .routes(routes!(metrics::scrape))
 }
 
 fn admins() -> OpenApiRouter<App> {
