@@ -10,10 +10,12 @@
 //! | `routes` | the paths, grouped by who may call them |
 //! | `auth` | keys and roles, checked before a byte of the body is read |
 //! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
+//! | `answers` | the frames of one request, admitted and answered together |
 //! | `recognize` | the one path from bytes to an answer |
 //! | `pool` | the threads that recognize, and the bounded queue before them |
 //! | `registry` | the models that serve |
 //! | `stream` | frames over a WebSocket; see there |
+//! | `oip` | the Open Inference Protocol, `/v2` |
 //! | `events`, `robots` | what dashboards are told |
 //! | `problem` | every error a caller can see; the only place with status codes |
 //! | `api`, `openapi`, `asyncapi` | what travels, and its description |
@@ -23,6 +25,7 @@
 //! `recognize` → a thread of `pool`: decode, features, classify → `api::Answer` or
 //! `problem::Problem`.
 
+mod answers;
 mod api;
 mod asyncapi;
 mod auth;
@@ -31,6 +34,7 @@ mod events;
 mod linger;
 mod listen;
 mod observe;
+mod oip;
 mod openapi;
 mod pool;
 mod problem;

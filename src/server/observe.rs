@@ -2,7 +2,7 @@
 
 use super::App;
 use super::linger::linger;
-use super::problem::Problem;
+use super::problem::{ErrorForm, Problem};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::middleware::Next;
@@ -57,6 +57,7 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     let given = request.headers().get(&REQUEST_ID).and_then(usable_id);
     let context =
         RequestContext { id: given.unwrap_or_else(|| app.request_ids.next()), arrived: Instant::now() };
+    let form = ErrorForm::of(request.uri().path());
     let route = request.extensions().get::<MatchedPath>().cloned();
     let route = route.as_ref().map_or("(none)", MatchedPath::as_str);
     let span = info_span!(
@@ -66,7 +67,7 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     async move {
         let mut request = linger(request);
         request.extensions_mut().insert(context.clone());
-        let response = complete(next.run(request).await, &context);
+        let response = complete(next.run(request).await, &context, form);
         let ms = context.arrived.elapsed().as_micros() as f64 / 1e3;
         tracing::info!(status = response.status().as_u16(), ms, "answered");
         response
@@ -80,12 +81,12 @@ pub fn panicked(_: Box<dyn Any + Send>) -> Response {
     Problem::Framework(axum::http::StatusCode::INTERNAL_SERVER_ERROR).into_response()
 }
 
-fn complete(mut response: Response, context: &RequestContext) -> Response {
+fn complete(mut response: Response, context: &RequestContext, form: ErrorForm) -> Response {
     let status = response.status();
     if let Some(problem) = response.extensions_mut().remove::<Arc<Problem>>() {
-        response = problem.render(response, &context.id);
+        response = problem.render(response, &context.id, form);
     } else if status.is_client_error() || status.is_server_error() {
-        response = Problem::Framework(status).render(response, &context.id);
+        response = Problem::Framework(status).render(response, &context.id, form);
     }
     let headers = response.headers_mut();
     if let Ok(id) = HeaderValue::from_str(&context.id) {

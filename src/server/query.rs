@@ -13,9 +13,9 @@ use std::time::Duration;
 
 const MAX_TEXT_BYTES: usize = 64;
 
-/// A query of the recognize calls, and what follows from it.
+/// What is asked about frames, and what follows from it.
 pub struct Asked {
-    /// The query.
+    /// As it was asked.
     pub query: RecognizeQuery,
     /// The request.
     pub context: RequestContext,
@@ -29,14 +29,21 @@ impl FromRequestParts<App> for Asked {
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
         let Query(query) = Query::<RecognizeQuery>::try_from_uri(&parts.uri)
             .map_err(|error| Problem::Query(error.body_text()))?;
+        let Extension(context) = Extension::<RequestContext>::from_request_parts(parts, app)
+            .await
+            .map_err(|error| Problem::Framework(error.status()))?;
+        Self::new(app, query, context)
+    }
+}
+
+impl Asked {
+    /// Checks a query, and chooses the model that answers it.
+    pub fn new(app: &App, query: RecognizeQuery, context: RequestContext) -> Result<Self, Problem> {
         check("robot", query.robot.as_deref())?;
         check("captured_at", query.captured_at.as_deref())?;
         if query.top == Some(0) {
             return Err(Problem::Query("`top` must be at least 1; leave it out for all rooms".into()));
         }
-        let Extension(context) = Extension::<RequestContext>::from_request_parts(parts, app)
-            .await
-            .map_err(|error| Problem::Framework(error.status()))?;
         let served = app.registry.choose(query.model.as_deref(), &choice(&query)?)?;
         let span = tracing::Span::current();
         span.record("model", &served.name);

@@ -1,7 +1,8 @@
 //! The paths of the API, grouped by who may call them.
 
+use super::answers::answers;
 use super::asyncapi::stream_document;
-use super::body::{Frame, Frames, OneFrame};
+use super::body::{Frames, OneFrame};
 use super::openapi::{
     ActivateProblems, BatchForm, Description, FrameForm, FrameProblems, ImageBytes, ModelProblems,
     PathProblems, ReadyProblems,
@@ -10,8 +11,8 @@ use super::pool::Panicked;
 use super::problem::{Kind, Problem};
 use super::query::Asked;
 use super::recognize::RecognizeError;
-use super::{App, api, auth, events, observe, recognize, robots, stream};
-use crate::protocol::event::{AnswerEvent, Event};
+use super::{App, auth, events, observe, oip, recognize, robots, stream};
+use crate::protocol::event::Event;
 use crate::protocol::rest::{
     Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, ModelInfo, ModelList, ModelName,
     RecognizeQuery, VersionInfo,
@@ -64,6 +65,7 @@ fn robots() -> OpenApiRouter<App> {
         .routes(routes!(recognize_one))
         .routes(routes!(recognize_batch))
         .routes(routes!(stream::connect))
+        .merge(oip::robots())
 }
 
 fn viewers() -> OpenApiRouter<App> {
@@ -74,14 +76,19 @@ fn viewers() -> OpenApiRouter<App> {
         .routes(routes!(events::events))
         .routes(routes!(robots::list_robots))
         .routes(routes!(robots::show_robot))
+        .merge(oip::viewers())
 }
 
 fn admins() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(activate))
+    OpenApiRouter::new().routes(routes!(activate)).merge(oip::admins())
 }
 
 fn anyone() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(live)).routes(routes!(ready)).routes(routes!(show_problem))
+    OpenApiRouter::new()
+        .routes(routes!(live))
+        .routes(routes!(ready))
+        .routes(routes!(show_problem))
+        .merge(oip::anyone())
 }
 
 /// Tells which room a frame shows
@@ -226,28 +233,4 @@ async fn ready(State(app): State<App>) -> Result<Json<Health>, Problem> {
 async fn show_problem(Path(name): Path<String>) -> Result<Json<KindInfo>, Problem> {
     let kind = Kind::ALL.into_iter().find(|kind| kind.name() == name);
     kind.map(|kind| Json(KindInfo::from(kind))).ok_or(Problem::NotFound)
-}
-
-/// Recognizes the frames of one request, all of them or, where the queue has no room, none.
-async fn answers(
-    app: App,
-    asked: Asked,
-    frames: Vec<Frame>,
-) -> Result<Vec<Result<Answer, Problem>>, Problem> {
-    let slots = app.pool.admit(frames.len())?;
-    let jobs = slots.into_iter().zip(frames);
-    let waiting: Vec<_> =
-        jobs.map(|(slot, frame)| recognize::recognize(&app, slot, frame, asked.task.clone())).collect();
-    let mut answers = Vec::with_capacity(waiting.len());
-    for seen in waiting {
-        let answer = seen.await.map(|seen| Answer::new(seen, &asked.query, &asked.context.id));
-        if let Ok(answer) = &answer {
-            app.events.tell(|| {
-                let latency = asked.context.arrived.elapsed();
-                Event::Answer(Box::new(AnswerEvent::of_frame(answer, api::ms(latency))))
-            });
-        }
-        answers.push(answer.map_err(Problem::from));
-    }
-    Ok(answers)
 }

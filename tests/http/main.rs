@@ -5,6 +5,7 @@
 mod calls;
 mod command;
 mod load;
+mod oip;
 mod replay;
 mod robot;
 mod service;
