@@ -172,7 +172,9 @@ pub enum RequestError {
     #[error("`frame` cannot be read: {0}")]
     Elements(#[from] ElementsError),
     /// Text that is not base64.
-    #[error("frame {frame_idx} is not base64: {reason}; JSON cannot carry the bytes of an image")]
+    #[error(
+        "frame {frame_idx} (counted from 0) is not base64: {reason}; JSON cannot carry the bytes of an image"
+    )]
     Base64 {
         /// Which, from 0.
         frame_idx: usize,

@@ -114,6 +114,6 @@ mod tests {
         );
         assert_eq!(binary, [1]);
         let (_, none) = response([(OutputName::Known, false), (OutputName::Room, false)]);
-        assert_eq!(none, []);
+        assert!(none.is_empty());
     }
 }

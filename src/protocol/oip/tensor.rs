@@ -30,7 +30,9 @@ pub struct Texts<'a>(pub Vec<Cow<'a, str>>);
 #[derive(Clone, Copy, Debug, thiserror::Error, PartialEq, Eq)]
 pub enum ElementsError {
     /// The bytes end within an element.
-    #[error("the element {0} is cut off: each is its length as a little-endian u32, and as many bytes")]
+    #[error(
+        "element {0} (counted from 0) is cut off; each is its length, a little-endian u32, and as many bytes"
+    )]
     Cut(usize),
     /// More or fewer than the shape says.
     #[error("the shape says {expected} elements, but more or fewer were sent")]
