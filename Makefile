@@ -26,12 +26,12 @@ test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
 	  cargo build --tests && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests; \
 	else \
-	  echo "LEFT OUT: the tests of the Python client. They take python3 with venv, and its packages from an index." >&2; \
+	  echo "LEFT OUT: the tests of the Python client and of Triton's. They take python3 with venv, and its packages from an index." >&2; \
 	fi
 
 $(STAMP): clients/python/pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 ./clients/python
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]'
 	@touch $(STAMP)
 
 bench: tools ## milliseconds a frame, step by step

@@ -10,12 +10,14 @@
 //! | `routes` | the paths, grouped by who may call them |
 //! | `auth` | keys and roles, checked before a byte of the body is read |
 //! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
+//! | `answers` | the frames of one request, admitted and answered together |
 //! | `recognize` | the one path from bytes to an answer |
 //! | `pool` | the threads that recognize, and the bounded queue before them |
 //! | `registry` | the models that serve; see there |
 //! | `models`, `upload` | the calls about them; a version that comes in |
 //! | `watch` | looking for what is new among them |
 //! | `stream` | frames over a WebSocket; see there |
+//! | `oip` | the Open Inference Protocol, `/v2` |
 //! | `events`, `robots` | what dashboards are told |
 //! | `metrics` | what is counted and measured, for Prometheus |
 //! | `trace` | the caller's trace, which a request's spans belong to |
@@ -27,6 +29,7 @@
 //! `recognize` → a thread of `pool`: decode, features, classify → `api::Answer` or
 //! `problem::Problem`.
 
+mod answers;
 mod api;
 mod asyncapi;
 mod auth;
@@ -37,6 +40,7 @@ mod listen;
 mod metrics;
 mod models;
 mod observe;
+mod oip;
 mod openapi;
 mod pool;
 mod problem;

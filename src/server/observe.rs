@@ -2,7 +2,7 @@
 
 use super::App;
 use super::linger::linger;
-use super::problem::Problem;
+use super::problem::{ErrorForm, Problem};
 use super::trace::TraceParent;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, header};
@@ -60,6 +60,7 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     let given = request.headers().get(&REQUEST_ID).and_then(usable_id);
     let context =
         RequestContext { id: given.unwrap_or_else(|| app.request_ids.next()), arrived: Instant::now() };
+    let form = ErrorForm::of(request.uri().path());
     let route = request.extensions().get::<MatchedPath>().cloned();
     let method = request.method().clone();
     let route_name = || route.as_ref().map_or(NO_ROUTE, MatchedPath::as_str);
@@ -73,7 +74,7 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     async {
         let mut request = linger(request);
         request.extensions_mut().insert(context.clone());
-        let response = complete(next.run(request).await, &context);
+        let response = complete(next.run(request).await, &context, form);
         let (status, took) = (response.status(), context.arrived.elapsed());
         app.metrics.answered(route_name(), &method, (status, took));
         tracing::info!(status = status.as_u16(), ms = took.as_micros() as f64 / 1e3, "answered");
@@ -88,12 +89,12 @@ pub fn panicked(_: Box<dyn Any + Send>) -> Response {
     Problem::Framework(axum::http::StatusCode::INTERNAL_SERVER_ERROR).into_response()
 }
 
-fn complete(mut response: Response, context: &RequestContext) -> Response {
+fn complete(mut response: Response, context: &RequestContext, form: ErrorForm) -> Response {
     let status = response.status();
     if let Some(problem) = response.extensions_mut().remove::<Arc<Problem>>() {
-        response = problem.render(response, &context.id);
+        response = problem.render(response, &context.id, form);
     } else if status.is_client_error() || status.is_server_error() {
-        response = Problem::Framework(status).render(response, &context.id);
+        response = Problem::Framework(status).render(response, &context.id, form);
     }
     let headers = response.headers_mut();
     if let Ok(id) = HeaderValue::from_str(&context.id) {

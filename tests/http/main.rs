@@ -8,6 +8,7 @@ mod kill;
 mod load;
 mod metrics;
 mod models;
+mod oip;
 mod replay;
 mod robot;
 mod service;

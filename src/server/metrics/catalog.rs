@@ -67,8 +67,8 @@ pub const REQUEST_DURATION: Metric = seconds(
 pub const FRAMES: Metric = counter(
     "roomsight_frames_total",
     &["model", "version", "transport", "outcome"],
-    "Frames by what became of them: answered, a kind of problem, or caller-left. Transports are rest and \
-     stream.",
+    "Frames by what became of them: answered, a kind of problem, or caller-left. Transports are rest, \
+     stream and oip.",
 );
 /// Frames of streams without either.
 pub const DROPS: Metric = counter(

@@ -16,6 +16,8 @@ pub enum Transport {
     Rest,
     /// A WebSocket.
     Stream,
+    /// A request of the Open Inference Protocol.
+    Oip,
 }
 
 /// What became of a frame that was not dropped.
@@ -61,6 +63,7 @@ impl Transport {
         match self {
             Self::Rest => "rest",
             Self::Stream => "stream",
+            Self::Oip => "oip",
         }
     }
 }
