@@ -195,7 +195,8 @@ async fn an_activation_is_counted_and_the_new_version_shown() {
     let [before, now] = [before, after].map(|scrape| (stable(&scrape), scrape));
     assert!(before.0[0].contains(r#"version="2",label="stable",epoch="1""#), "{:?}", before.0);
     assert!(now.0[0].contains(r#"version="1",label="stable",epoch="2""#), "{:?}", now.0);
-    assert_eq!((before.0.len(), now.0.len()), (1, 1), "an old version does not stay");
+    assert_eq!((before.0.len(), now.0.len()), (1, 2), "one with each label: {:?}", now.0);
+    assert!(now.0[1].contains(r#"version="2",label="previous""#), "{:?}", now.0);
     let swaps =
         |outcome| now.1.value(&format!(r#"roomsight_swaps_total{{kind="activate",outcome="{outcome}"}}"#));
     assert_eq!((swaps("done"), swaps("failed"), swaps("lost")), (1.0, 1.0, 0.0));
@@ -268,10 +269,15 @@ async fn viewers_may_scrape() {
 
 #[tokio::test]
 async fn all_that_is_documented_is_told_and_nothing_else() {
-    let server = Server::start(Settings::default()).await;
+    let folder = models();
+    write_model(&folder.path().join("lab/2"));
+    let server = Server::of(Settings { models: folder.path().to_owned(), ..Settings::default() }).await;
     success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
     let activate = format!("{}/v1/models/lab/versions/1/activate", server.url);
     success(client().post(activate).send().await.unwrap()).await;
+    let shadow = client().put(format!("{}/v1/models/lab/labels/shadow", server.url));
+    let shadow = shadow.header("content-type", "application/json").body(r#"{"version": 2}"#);
+    success(shadow.send().await.unwrap()).await;
     let scrape = scrape_until(&server, |scrape| scrape.requests("/metrics", "GET", 200) > 0.0).await;
     assert_eq!(told(&scrape), documented());
     for line in scrape.text.lines().filter_map(|line| line.strip_prefix("# HELP ")) {

@@ -293,19 +293,22 @@ async fn the_repository_is_listed_and_loaded() {
         ]
     );
     assert_eq!(index[1]["reason"], "not loaded");
-    assert!(index[3]["reason"].as_str().unwrap().contains("loading failed"), "{index}");
+    assert!(index[3]["reason"].as_str().unwrap().contains("verifying failed"), "{index}");
     let ready = success(post("/v2/repository/index", "{\"ready\": true}").await.unwrap()).await;
     assert_eq!(ready, json!([{"name": "lab", "version": "2", "state": "READY", "reason": ""}]));
     refused(post("/v2/repository/index", "{\"ready\": 1}").await.unwrap(), 400, "JSON").await;
     let attic = server.get("/v2/models/attic/ready").send().await.unwrap();
-    refused(attic, 409, "attic").await;
+    refused(attic, 503, "attic").await;
     refused(post("/v2/repository/models/lab/load", "{}").await.unwrap(), 409, "serves on").await;
     refused(post("/v2/repository/models/none/load", "").await.unwrap(), 404, "none").await;
     let config = "{\"parameters\": {\"config\": \"{}\"}}";
     refused(post("/v2/repository/models/lab/load", config).await.unwrap(), 400, "parameters").await;
-    refused(post("/v2/repository/models/lab/unload", "").await.unwrap(), 400, "unloaded").await;
     refused(post("/v2/repository/models/none/unload", "").await.unwrap(), 404, "none").await;
     success(post_json(&server, INFER, &in_json(&[frame()])).send().await.unwrap()).await;
+    assert_eq!(post("/v2/repository/models/lab/unload", "").await.unwrap().status(), 200);
+    refused(server.get("/v2/models/lab/ready").send().await.unwrap(), 503, "no version").await;
+    refused(post_json(&server, INFER, &in_json(&[frame()])).send().await.unwrap(), 503, "no version").await;
+    refused(server.get("/v2/health/ready").send().await.unwrap(), 503, "no model").await;
 }
 
 #[tokio::test]

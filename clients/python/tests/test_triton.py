@@ -1,6 +1,7 @@
 """The service as NVIDIA's client of the Open Inference Protocol sees it, `tritonclient[http]` as it is."""
 
 import base64
+from collections.abc import Callable
 
 import numpy as np
 from roomsight import Client
@@ -90,14 +91,15 @@ class Triton(RunningService):
         bad = images([self.bytes[0], b"this is no image"], [2])
         pixels = InferInput("frame", [1, 2], "UINT8").set_data_from_numpy(np.zeros((1, 2), np.uint8))
         classes = [InferRequestedOutput("probabilities", class_count=3)]
-        for message, call in [
+        cases: "list[tuple[str, Callable[[], object]]]" = [
             (r"\[400\].*frame 1 ", lambda: self.client.infer(MODEL, [bad])),
             (r"\[400\].*BYTES", lambda: self.client.infer(MODEL, [pixels])),
             (r"\[400\].*classification", lambda: self.client.infer(MODEL, [good], outputs=classes)),
             (r"\[404\].*nowhere", lambda: self.client.infer("nowhere", [good])),
             (r"\[415\].*gzip", lambda: self.client.infer(MODEL, [good], request_compression_algorithm="gzip")),
             (r"\[404\]", lambda: self.client.get_model_config(MODEL)),
-        ]:
+        ]
+        for message, call in cases:
             with self.subTest(message), self.assertRaisesRegex(InferenceServerException, message):
                 call()
 

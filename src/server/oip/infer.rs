@@ -11,7 +11,6 @@ use crate::server::App;
 use crate::server::answers::answers;
 use crate::server::body::{self, Frame};
 use crate::server::metrics::Transport;
-use crate::server::openapi::ImageBytes;
 use crate::server::problem::Problem;
 use crate::server::query::{Asked, Caller};
 use axum::body::Bytes;
@@ -19,6 +18,13 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use std::borrow::Cow;
+use utoipa::ToSchema;
+
+/// JSON, and the tensors that follow it, in its order.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary, content_media_type = "application/octet-stream")]
+#[expect(dead_code, reason = "only described; bodies are read and written as bytes")]
+struct JsonAndTensors(Vec<u8>);
 
 /// Tells which rooms frames show
 ///
@@ -30,8 +36,12 @@ use std::borrow::Cow;
 #[utoipa::path(
     post, path = "/v2/models/{name}/infer", tag = "inference", security(("key" = [])),
     params(("name" = String, Path, description = "The model's name")),
-    request_body(content((InferRequest = "application/json"), (ImageBytes = "application/octet-stream"))),
-    responses((status = OK, description = "The rooms", body = InferResponse), InferProblems)
+    request_body(content((InferRequest = "application/json"), (JsonAndTensors = "application/octet-stream"))),
+    responses(
+        (status = OK, description = "The rooms",
+            content((InferResponse = "application/json"), (JsonAndTensors = "application/octet-stream"))),
+        InferProblems
+    )
 )]
 pub async fn infer(State(app): State<App>, path: ModelPath, request: Request) -> Result<Response, Problem> {
     answer(&app, path, request).await
@@ -44,8 +54,12 @@ pub async fn infer(State(app): State<App>, path: ModelPath, request: Request) ->
         ("name" = String, Path, description = "The model's name"),
         ("version" = u64, Path, description = "The version's number")
     ),
-    request_body(content((InferRequest = "application/json"), (ImageBytes = "application/octet-stream"))),
-    responses((status = OK, description = "The rooms", body = InferResponse), InferProblems)
+    request_body(content((InferRequest = "application/json"), (JsonAndTensors = "application/octet-stream"))),
+    responses(
+        (status = OK, description = "The rooms",
+            content((InferResponse = "application/json"), (JsonAndTensors = "application/octet-stream"))),
+        InferProblems
+    )
 )]
 pub async fn infer_version(
     State(app): State<App>,
