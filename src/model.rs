@@ -23,7 +23,7 @@ pub use cue::{Cue, FrameLbpCue};
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
-    move_into_place, write_about,
+    VerifiedFile, move_into_place, write_about,
 };
 pub use format::{FORMAT_VERSION, FormatError};
 pub use golden::{GOLDEN_FOLDER, GoldenFrame, load_golden_frames, warm};

@@ -12,7 +12,9 @@
 //! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
 //! | `recognize` | the one path from bytes to an answer |
 //! | `pool` | the threads that recognize, and the bounded queue before them |
-//! | `registry` | the models that serve |
+//! | `registry` | the models that serve; see there |
+//! | `models`, `upload` | the calls about them; a version that comes in |
+//! | `watch` | looking for what is new among them |
 //! | `stream` | frames over a WebSocket; see there |
 //! | `events`, `robots` | what dashboards are told |
 //! | `problem` | every error a caller can see; the only place with status codes |
@@ -30,6 +32,7 @@ mod body;
 mod events;
 mod linger;
 mod listen;
+mod models;
 mod observe;
 mod openapi;
 mod pool;
@@ -41,14 +44,17 @@ mod robots;
 mod routes;
 mod settings;
 mod stream;
+mod upload;
+mod watch;
 
 pub use asyncapi::stream_document;
 pub use auth::{Key, KeyError, Role};
 pub use listen::serve;
 pub use registry::RegistryError;
 pub use routes::{document, router};
-pub use settings::{LogFormat, Settings, SettingsError};
+pub use settings::{LogFormat, Policy, Settings, SettingsError};
 
+use crate::repository::Repository;
 use events::Events;
 use observe::RequestIds;
 use pool::Pool;
@@ -90,14 +96,16 @@ pub enum StartError {
 impl App {
     /// Loads the models, sends a frame through each that is to serve, and starts the threads.
     pub fn start(settings: Settings) -> Result<Self, StartError> {
-        let registry = Registry::open(&settings.models, &settings.model, recognize::warm)?;
+        let location = settings.models.to_string_lossy();
+        let repository = Repository::open(&location, &settings.models_cache).map_err(RegistryError::from)?;
+        let events = Events::default();
         Ok(Self(Arc::new(AppState {
-            registry,
+            registry: Registry::open(repository, &settings, events.clone())?,
             pool: Pool::new(settings.n_threads(), settings.queue)?,
             body_memory: Arc::new(Semaphore::new(settings.max_buffered_bytes)),
             request_ids: RequestIds::new(),
             streams: Streams::new(settings.max_streams),
-            events: Events::default(),
+            events,
             stopping: CancellationToken::new(),
             settings,
         })))

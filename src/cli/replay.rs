@@ -261,7 +261,7 @@ async fn setting(args: &ReplayArgs, way: &Way, places: &[String]) -> Setting {
 /// The name and version of the model that answers, and its rooms.
 async fn serving(args: &ReplayArgs, client: &Client) -> Option<((String, u64), Vec<String>)> {
     let list = client.models().await.ok()?;
-    let name = args.model.as_ref().unwrap_or(&list.default);
+    let name = args.model.as_ref().or(list.default.as_ref())?;
     let model = list.models.iter().find(|model| &model.name == name)?;
     let version = model.versions.iter().find(|version| Some(version.version) == model.serving)?;
     Some(((name.clone(), version.version), version.rooms.clone()?))

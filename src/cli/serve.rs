@@ -17,9 +17,13 @@ use tracing_subscriber::EnvFilter;
 /// sets `queue`), then flags. --print-config shows all of them.
 #[derive(Args)]
 pub(super) struct ServeArgs {
-    /// The folder of models, each as NAME/VERSION/ in it, or one model's folder [default: models]
+    /// Where models are: a folder with each as NAME/VERSION/ in it, one model's folder, or s3://BUCKET/PREFIX
+    /// [default: models]
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
+    /// Whether newer versions come to serve by themselves: latest or manual [default: latest]
+    #[arg(long, value_parser = ["latest", "manual"])]
+    policy: Option<String>,
     /// The model of requests that name none [default: the first by name]
     #[arg(long, value_name = "NAME")]
     model: Option<String>,
@@ -56,11 +60,15 @@ pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
     start_log(&settings)?;
     let address = permitted_address(&settings)?;
     let app = App::start(settings)?;
-    tokio::runtime::Runtime::new()?.block_on(async {
+    let runtime = tokio::runtime::Runtime::new()?;
+    let served = runtime.block_on(async {
         let listener = listen(address).await?;
         tracing::info!("listening on http://{0}, documentation at http://{0}/docs", listener.local_addr()?);
         server::serve(app, listener, stop_signal()).await.context("the service failed")
-    })
+    });
+    // A model that is still being loaded is not waited for.
+    runtime.shutdown_background();
+    served
 }
 
 /// Takes an address.
@@ -85,6 +93,7 @@ fn flags(args: &ServeArgs) -> HashMap<String, String> {
     let mut flags: HashMap<String, String> = args.set.iter().cloned().collect();
     let given = [
         ("models", args.models.as_ref().map(|path| path.to_string_lossy().into_owned())),
+        ("policy", args.policy.clone()),
         ("model", args.model.clone()),
         ("listen", args.listen.clone()),
         ("threads", args.threads.map(|n| n.to_string())),

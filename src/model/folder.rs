@@ -32,6 +32,13 @@ pub struct LoadedModel {
     pub digest: String,
 }
 
+/// A model file whose digest is the one that is written beside it.
+pub struct VerifiedFile {
+    path: PathBuf,
+    bytes: Vec<u8>,
+    digest: String,
+}
+
 /// Why a model was not loaded; the text says what is wrong.
 #[derive(Debug, thiserror::Error)]
 #[error("{path}: {reason}", path = path.display())]
@@ -80,22 +87,7 @@ impl Model {
     /// file's digest must be the one that `model.json` says.
     pub fn load(path: &Path) -> Result<LoadedModel, LoadError> {
         let folder = if path.is_file() { path.parent().unwrap_or(Path::new(".")) } else { path };
-        let about_path = folder.join(ABOUT_FILE);
-        let about = read_bounded(&about_path, MAX_SIDE_FILE_BYTES)?;
-        let about: serde_json::Value = serde_json::from_slice(&about)
-            .map_err(|error| refused(&about_path, format!("no JSON: {error}")))?;
-        let expected = about.get("blake3").and_then(serde_json::Value::as_str);
-        let expected = expected.ok_or_else(|| refused(&about_path, "it holds no digest of the model"))?;
-
-        let model_path = folder.join(MODEL_FILE);
-        let bytes = read_bounded(&model_path, MAX_MODEL_BYTES)?;
-        let digest = blake3::hash(&bytes).to_hex().to_string();
-        if digest != expected {
-            let reason = format!("damaged or replaced: its digest is {digest}, {ABOUT_FILE} says {expected}");
-            return Err(refused(&model_path, reason));
-        }
-        let model = Model::from_bytes(&bytes).map_err(|error| refused(&model_path, error.to_string()))?;
-        Ok(LoadedModel { model, digest })
+        VerifiedFile::read(folder)?.load()
     }
 
     /// Writes the model into a new folder; it is there whole or not at all.
@@ -129,6 +121,33 @@ impl Model {
             card: self.card().clone(),
             config: self.config().clone(),
         }
+    }
+}
+
+impl VerifiedFile {
+    /// Reads the model file of a folder. Its digest must be the one that `model.json` says.
+    pub fn read(folder: &Path) -> Result<Self, LoadError> {
+        let about_path = folder.join(ABOUT_FILE);
+        let about = read_bounded(&about_path, MAX_SIDE_FILE_BYTES)?;
+        let about: serde_json::Value = serde_json::from_slice(&about)
+            .map_err(|error| refused(&about_path, format!("no JSON: {error}")))?;
+        let expected = about.get("blake3").and_then(serde_json::Value::as_str);
+        let expected = expected.ok_or_else(|| refused(&about_path, "it holds no digest of the model"))?;
+
+        let model_path = folder.join(MODEL_FILE);
+        let bytes = read_bounded(&model_path, MAX_MODEL_BYTES)?;
+        let digest = blake3::hash(&bytes).to_hex().to_string();
+        if digest != expected {
+            let reason = format!("damaged or replaced: its digest is {digest}, {ABOUT_FILE} says {expected}");
+            return Err(refused(&model_path, reason));
+        }
+        Ok(Self { path: model_path, bytes, digest })
+    }
+
+    /// Makes a model of it.
+    pub fn load(self) -> Result<LoadedModel, LoadError> {
+        let model = Model::from_bytes(&self.bytes).map_err(|error| refused(&self.path, error.to_string()))?;
+        Ok(LoadedModel { model, digest: self.digest })
     }
 }
 

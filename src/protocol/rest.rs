@@ -98,7 +98,7 @@ pub struct ModelName {
     pub name: String,
     /// Its version.
     pub version: u64,
-    /// How many times the serving version of this name was set.
+    /// The model's epoch when this version came to serve: it grows with every change of what serves.
     pub epoch: u64,
     /// The first 16 digits of its BLAKE3 digest.
     pub digest: String,
@@ -152,8 +152,9 @@ pub enum BatchResult {
 /// The models there are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ModelList {
-    /// The model of requests that name none.
-    pub default: String,
+    /// The model of requests that name none; left out where nothing serves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub default: Option<String>,
     /// All of them, by name.
     pub models: Vec<ModelInfo>,
 }
@@ -163,8 +164,10 @@ pub struct ModelList {
 pub struct ModelInfo {
     /// Its name.
     pub name: String,
-    /// The version that serves.
+    /// The version that serves, as `stable`.
     pub serving: Option<u64>,
+    /// How often what serves was changed; also the `ETag`, which `If-Match` is compared with.
+    pub epoch: u64,
     /// Its versions, the highest first.
     pub versions: Vec<VersionInfo>,
 }
@@ -181,9 +184,15 @@ pub struct VersionInfo {
     /// Why it does not serve.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<FailureInfo>,
-    /// How many times the serving version of this name was set, up to this one.
+    /// The model's epoch when this version came to serve.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub epoch: Option<u64>,
+    /// Of a canary: the share of the robots that it answers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub share: Option<f64>,
+    /// Of a shadow: how it compares with the stable version.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shadow: Option<ShadowInfo>,
     /// The BLAKE3 digest of the model file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub digest: Option<String>,
@@ -194,16 +203,62 @@ pub struct VersionInfo {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     pub card: Option<serde_json::Value>,
+    /// Its last states, the oldest first.
+    pub history: Vec<StateChange>,
+}
+
+/// How a shadow compares with the stable version, frame by frame, since it became one.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct ShadowInfo {
+    /// Frames that both recognized.
+    pub compared: u64,
+    /// Frames in which both saw the same room.
+    pub agreed: u64,
+    /// Frames that were not compared, since robots were waiting.
+    pub skipped: u64,
+    /// The mean total variation distance of the probabilities, from 0 (equal) to 1; left out before the first frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mean_distance: Option<f64>,
+}
+
+/// When another state came to be true of a version.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct StateChange {
+    /// The state.
+    pub state: VersionState,
+    /// When, by RFC 3339.
+    pub at: String,
+}
+
+/// What is to carry a label.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LabelJson {
+    /// The version.
+    pub version: u64,
+    /// Of a canary: the share of the robots that it answers, above 0 and below 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub share: Option<f64>,
 }
 
 /// What is true of a version.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum VersionState {
-    /// It is there; a higher version serves.
+    /// It is there, and not in memory.
     Discovered,
-    /// It serves.
+    /// Its files are fetched and their digest is checked.
+    Verifying,
+    /// It becomes a model.
+    Loading,
+    /// It answers its golden frames.
+    Warming,
+    /// It can answer.
     Ready,
+    /// It gets no further frames; some are in work.
+    Quiescing,
+    /// It is no longer in memory.
+    Unloaded,
     /// It was tried and will not serve.
     Failed,
 }
@@ -211,7 +266,7 @@ pub enum VersionState {
 /// Why a version does not serve.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct FailureInfo {
-    /// `loading` or `warming`.
+    /// `verifying`, `loading` or `warming`.
     pub stage: String,
     /// What was wrong.
     pub reason: String,

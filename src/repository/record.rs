@@ -14,7 +14,7 @@ pub(super) const MAX_RECORD_BYTES: u64 = 64 << 10;
 pub struct Record {
     /// Counts the changes of this record.
     pub epoch: u64,
-    /// The highest version that was ever stable: only a higher one comes to serve by itself.
+    /// The highest version that was ever given a label: only a higher one comes to serve by itself.
     pub settled: u64,
     /// The version that answers.
     pub stable: Option<u64>,
@@ -81,7 +81,8 @@ impl Record {
 
     /// The record with this canary.
     pub fn with_canary(&self, canary: Canary) -> Result<Self, RecordError> {
-        let record = Self { canary: Some(canary), ..self.clone() };
+        let settled = self.settled.max(canary.version);
+        let record = Self { canary: Some(canary), settled, ..self.clone() };
         record.check()?;
         Ok(self.changed(record))
     }
@@ -93,7 +94,8 @@ impl Record {
 
     /// The record with this shadow.
     pub fn with_shadow(&self, version: u64) -> Result<Self, RecordError> {
-        let record = Self { shadow: Some(version), ..self.clone() };
+        let settled = self.settled.max(version);
+        let record = Self { shadow: Some(version), settled, ..self.clone() };
         record.check()?;
         Ok(self.changed(record))
     }

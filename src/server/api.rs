@@ -2,11 +2,13 @@
 
 use super::problem::{Kind, Problem};
 use super::recognize::{Seen, Timings};
-use super::registry::{Failure, STABLE, ServedModel, State, Versions};
+use super::registry::{
+    CANARY, Entry, Failure, PREVIOUS, SHADOW, STABLE, ServedModel, Serving, Tally, Version,
+};
 use crate::model::Evidence;
 use crate::protocol::rest::{
     Answer, BatchResult, FailureInfo, KeypointEvidence, KindInfo, ModelInfo, ModelName, RecognizeQuery,
-    RoomProbability, TimingsMs, VersionInfo, VersionState,
+    RoomProbability, ShadowInfo, TimingsMs, VersionInfo,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -98,59 +100,61 @@ impl From<Evidence> for KeypointEvidence {
 
 impl ModelInfo {
     /// What a caller reads of one model.
-    pub fn new(name: &str, versions: &Versions) -> Self {
+    pub fn new(name: &str, entry: &Entry, serving: &Serving) -> Self {
+        let versions = entry.versions.iter().rev();
         Self {
             name: name.to_owned(),
-            serving: versions.serving.as_ref().map(|served| served.version),
-            versions: versions
-                .states
-                .iter()
-                .rev()
-                .map(|(&number, state)| VersionInfo::new(number, state, versions))
-                .collect(),
+            serving: serving.stable.as_ref().map(|served| served.version),
+            epoch: entry.record.epoch,
+            versions: versions.map(|(&number, version)| VersionInfo::new(number, version, serving)).collect(),
         }
     }
 }
 
 impl VersionInfo {
     /// What a caller reads of one version, its card left out.
-    pub fn new(version: u64, state: &State, versions: &Versions) -> Self {
-        let mut info = Self {
-            version,
-            state: VersionState::Discovered,
-            labels: Vec::new(),
-            failure: None,
-            epoch: None,
-            digest: None,
-            rooms: None,
+    pub fn new(number: u64, version: &Version, serving: &Serving) -> Self {
+        let is_this = |served: &&Arc<ServedModel>| served.version == number;
+        let canary = serving.canary.as_ref().filter(|(served, _)| is_this(&served));
+        let shadow = serving.shadow.as_ref().filter(|shadow| is_this(&&shadow.served));
+        let labels = [
+            (STABLE, serving.stable.as_ref().is_some_and(|served| is_this(&served))),
+            (CANARY, canary.is_some()),
+            (SHADOW, shadow.is_some()),
+            (PREVIOUS, serving.previous.as_ref().is_some_and(|served| is_this(&served))),
+        ];
+        let loaded = version.loaded();
+        Self {
+            version: number,
+            state: version.state().name(),
+            labels: labels
+                .into_iter()
+                .filter(|(_, is_its)| *is_its)
+                .map(|(label, _)| label.to_owned())
+                .collect(),
+            failure: version.failure().map(FailureInfo::from),
+            epoch: serving.answering().find(is_this).map(|served| served.epoch),
+            share: canary.map(|(_, share)| *share),
+            shadow: shadow.map(|shadow| ShadowInfo::from(shadow.tally())),
+            digest: loaded.map(|loaded| loaded.digest.clone()),
+            rooms: loaded.map(|loaded| loaded.model.places().to_vec()),
             card: None,
-        };
-        match state {
-            State::Discovered(_) => {}
-            State::Failed(failure) => {
-                info.state = VersionState::Failed;
-                info.failure = Some(FailureInfo::from(failure));
-            }
-            State::Ready(served) => {
-                info.state = VersionState::Ready;
-                if versions.serving.as_ref().is_some_and(|serving| Arc::ptr_eq(serving, served)) {
-                    info.labels = vec![STABLE.to_owned()];
-                }
-                info.epoch = Some(served.epoch);
-                info.digest = Some(served.digest.clone());
-                info.rooms = Some(served.model.places().to_vec());
-            }
+            history: version.history(),
         }
-        info
     }
 
     /// The same with the model's card.
-    pub fn with_card(version: u64, state: &State, versions: &Versions) -> Self {
-        let card = match state {
-            State::Ready(served) => serde_json::to_value(served.model.card()).ok(),
-            State::Discovered(_) | State::Failed(_) => None,
-        };
-        Self { card, ..Self::new(version, state, versions) }
+    pub fn with_card(number: u64, version: &Version, serving: &Serving) -> Self {
+        let card = version.loaded().and_then(|loaded| serde_json::to_value(loaded.model.card()).ok());
+        Self { card, ..Self::new(number, version, serving) }
+    }
+}
+
+impl From<Tally> for ShadowInfo {
+    fn from(tally: Tally) -> Self {
+        let Tally { n_compared, n_agreed, n_skipped, total_distance } = tally;
+        let mean_distance = (n_compared > 0).then(|| total_distance / n_compared as f64);
+        Self { compared: n_compared, agreed: n_agreed, skipped: n_skipped, mean_distance }
     }
 }
 

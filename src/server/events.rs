@@ -18,6 +18,7 @@ const N_KEPT: usize = 256;
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
 
 /// Where events are told, and who listens.
+#[derive(Clone)]
 pub struct Events(broadcast::Sender<Arc<Event>>);
 
 impl Default for Events {

@@ -2,6 +2,7 @@
 
 use super::App;
 use super::routes::router;
+use super::watch::watch;
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
@@ -31,6 +32,7 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         listener,
         stopped,
     };
+    tokio::spawn(watch(app.clone()));
     let mut connections = JoinSet::new();
     tokio::select! {
         never = acceptor.run(&mut connections, Life::UntilStop) => match never {},

@@ -60,8 +60,17 @@ pub struct FrameProblems;
 /// What can go wrong when models are read.
 pub struct ModelProblems;
 
-/// What can go wrong when a version is activated.
-pub struct ActivateProblems;
+/// A body that is a version of a model.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary, content_media_type = "application/x-tar")]
+#[expect(dead_code, reason = "only described; `upload` reads it")]
+pub struct TarBytes(Vec<u8>);
+
+/// What can go wrong when what serves is changed.
+pub struct ChangeProblems;
+
+/// What can go wrong when a version is uploaded.
+pub struct UploadProblems;
 
 /// What can go wrong for dashboards.
 pub struct ViewerProblems;
@@ -80,9 +89,19 @@ pub struct PathProblems;
 
 impl IntoResponses for FrameProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        let concerns_paths =
-            |kind: &Kind| matches!(kind, Kind::NotFound | Kind::MethodNotAllowed | Kind::NoWebSocket);
-        responses(Kind::ALL.into_iter().filter(|kind| !concerns_paths(kind)))
+        let concerns_others = |kind: &Kind| {
+            matches!(
+                kind,
+                Kind::NotFound
+                    | Kind::MethodNotAllowed
+                    | Kind::NoWebSocket
+                    | Kind::Conflict
+                    | Kind::StaleEpoch
+                    | Kind::NotAModel
+                    | Kind::NoRepository
+            )
+        };
+        responses(Kind::ALL.into_iter().filter(|kind| !concerns_others(kind)))
     }
 }
 
@@ -92,9 +111,31 @@ impl IntoResponses for ModelProblems {
     }
 }
 
-impl IntoResponses for ActivateProblems {
+impl IntoResponses for ChangeProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        keyed([Kind::BadRequest, Kind::NoSuchModel, Kind::NotReady, Kind::Internal])
+        keyed([
+            Kind::BadRequest,
+            Kind::NoSuchModel,
+            Kind::NotReady,
+            Kind::Conflict,
+            Kind::StaleEpoch,
+            Kind::NoRepository,
+            Kind::Internal,
+        ])
+    }
+}
+
+impl IntoResponses for UploadProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        keyed([
+            Kind::BadRequest,
+            Kind::SlowBody,
+            Kind::Conflict,
+            Kind::TooLarge,
+            Kind::NotAModel,
+            Kind::NoRepository,
+            Kind::Internal,
+        ])
     }
 }
 
@@ -112,13 +153,20 @@ impl IntoResponses for RobotProblems {
 
 impl IntoResponses for StreamProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        keyed([Kind::BadRequest, Kind::NoSuchModel, Kind::NotReady, Kind::NoWebSocket, Kind::Draining])
+        keyed([
+            Kind::BadRequest,
+            Kind::NoSuchModel,
+            Kind::NotReady,
+            Kind::NoWebSocket,
+            Kind::Draining,
+            Kind::NoModel,
+        ])
     }
 }
 
 impl IntoResponses for ReadyProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses([Kind::Draining])
+        responses([Kind::Draining, Kind::NoModel])
     }
 }
 

@@ -5,9 +5,11 @@ use super::auth::AuthError;
 use super::body::BodyError;
 use super::pool::QueueFull;
 use super::recognize::RecognizeError;
-use super::registry::{ActivateError, LookupError};
+use super::registry::{ChangeError, LookupError};
+use super::upload::UploadError;
 use crate::image::ImageError;
 use crate::protocol::rest::ProblemBody;
+use crate::repository::RepositoryError;
 use Kind as K;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
@@ -41,9 +43,12 @@ pub enum Problem {
     /// No WebSocket was asked for.
     #[error("open a WebSocket with the subprotocol roomsight.v1 here: {0}")]
     NoWebSocket(String),
-    /// Another version does not come to serve.
+    /// What serves is not changed.
     #[error(transparent)]
-    Activate(#[from] ActivateError),
+    Change(#[from] ChangeError),
+    /// A version does not come in.
+    #[error(transparent)]
+    Upload(#[from] UploadError),
     /// Nobody of this name streams.
     #[error("no robot {0:?} streams; GET /v1/robots lists those that do")]
     NoRobot(String),
@@ -77,12 +82,18 @@ pub enum Kind {
     SlowBody,
     /// A version that does not serve.
     NotReady,
+    /// A version that is there already, or that is in use.
+    Conflict,
+    /// What serves was changed since the caller looked.
+    StaleEpoch,
     /// Too many bytes, pixels or frames.
     TooLarge,
     /// A type of body that is not read here.
     UnsupportedType,
     /// Bytes that are no image.
     NotAnImage,
+    /// Bytes that are no model that works.
+    NotAModel,
     /// A call that is no WebSocket.
     NoWebSocket,
     /// No slot is free.
@@ -91,13 +102,17 @@ pub enum Kind {
     Internal,
     /// The service stops.
     Draining,
+    /// Nothing serves.
+    NoModel,
+    /// The repository of models cannot be used.
+    NoRepository,
     /// The deadline passed.
     DeadlinePassed,
 }
 
 impl Kind {
     /// All kinds, by status.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 21] = [
         K::BadRequest,
         K::Unauthorized,
         K::Forbidden,
@@ -106,13 +121,18 @@ impl Kind {
         K::MethodNotAllowed,
         K::SlowBody,
         K::NotReady,
+        K::Conflict,
+        K::StaleEpoch,
         K::TooLarge,
         K::UnsupportedType,
         K::NotAnImage,
+        K::NotAModel,
         K::NoWebSocket,
         K::QueueFull,
         K::Internal,
         K::Draining,
+        K::NoModel,
+        K::NoRepository,
         K::DeadlinePassed,
     ];
 
@@ -125,14 +145,15 @@ impl Kind {
             K::NotFound | K::NoSuchModel => StatusCode::NOT_FOUND,
             K::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
             K::SlowBody => StatusCode::REQUEST_TIMEOUT,
-            K::NotReady => StatusCode::CONFLICT,
+            K::NotReady | K::Conflict => StatusCode::CONFLICT,
+            K::StaleEpoch => StatusCode::PRECONDITION_FAILED,
             K::TooLarge => StatusCode::PAYLOAD_TOO_LARGE,
             K::UnsupportedType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
-            K::NotAnImage => StatusCode::UNPROCESSABLE_ENTITY,
+            K::NotAnImage | K::NotAModel => StatusCode::UNPROCESSABLE_ENTITY,
             K::NoWebSocket => StatusCode::UPGRADE_REQUIRED,
             K::QueueFull => StatusCode::TOO_MANY_REQUESTS,
             K::Internal => StatusCode::INTERNAL_SERVER_ERROR,
-            K::Draining => StatusCode::SERVICE_UNAVAILABLE,
+            K::Draining | K::NoModel | K::NoRepository => StatusCode::SERVICE_UNAVAILABLE,
             K::DeadlinePassed => StatusCode::GATEWAY_TIMEOUT,
         }
     }
@@ -148,13 +169,18 @@ impl Kind {
             K::MethodNotAllowed => "method-not-allowed",
             K::SlowBody => "slow-body",
             K::NotReady => "version-not-ready",
+            K::Conflict => "conflict",
+            K::StaleEpoch => "stale-epoch",
             K::TooLarge => "too-large",
             K::UnsupportedType => "unsupported-type",
             K::NotAnImage => "not-an-image",
+            K::NotAModel => "not-a-model",
             K::NoWebSocket => "no-websocket",
             K::QueueFull => "queue-full",
             K::Internal => "internal",
             K::Draining => "draining",
+            K::NoModel => "no-model",
+            K::NoRepository => "no-repository",
             K::DeadlinePassed => "deadline-passed",
         }
     }
@@ -170,13 +196,18 @@ impl Kind {
             K::MethodNotAllowed => "The path does not take this method",
             K::SlowBody => "The body came too slowly",
             K::NotReady => "The version does not serve",
+            K::Conflict => "The version cannot be changed so",
+            K::StaleEpoch => "What serves was changed in the meantime",
             K::TooLarge => "Too many bytes, pixels or frames",
             K::UnsupportedType => "A body of this type is not read here",
             K::NotAnImage => "The body is not an image that can be read",
+            K::NotAModel => "The body is not a model that works",
             K::NoWebSocket => "The path takes a WebSocket",
             K::QueueFull => "The queue is full",
             K::Internal => "The service failed",
             K::Draining => "The service is stopping",
+            K::NoModel => "No model serves",
+            K::NoRepository => "The repository of models cannot be used",
             K::DeadlinePassed => "The deadline passed",
         }
     }
@@ -192,12 +223,17 @@ impl Kind {
             K::MethodNotAllowed => "use a method of the header Allow",
             K::SlowBody => "send smaller frames, or use a faster connection",
             K::NotReady => "ask for the version that serves, or for none",
+            K::Conflict => "see GET /v1/models for what there is, and choose another version or number",
+            K::StaleEpoch => "look again at what serves, and send its epoch in If-Match",
             K::TooLarge => "send fewer bytes, fewer pixels or fewer frames",
             K::UnsupportedType => "send the image itself as image/jpeg, or multipart/form-data, or JSON",
             K::NoWebSocket => "open a WebSocket with the subprotocol roomsight.v1, for example with websocat",
+            K::NotAModel => "send the folder of a version as a tar, or its model.safetensors",
             K::NotAnImage => "send a whole JPEG, PNG, WebP, BMP or PGM image",
             K::QueueFull => "try again after the time in Retry-After, or send fewer frames",
             K::Internal => "try again; if it stays, give the operator the request id",
+            K::NoModel => "upload or activate a version, or wait until somebody has",
+            K::NoRepository => "see that the folder or the bucket of models can be reached and written",
             K::Draining => "send the request to another instance, or again in a while",
             K::DeadlinePassed => "allow more time, or send fewer frames",
         }
@@ -225,10 +261,9 @@ impl Problem {
             Self::Body(BodyError::UnsupportedType(..)) => K::UnsupportedType,
             Self::Body(BodyError::Empty | BodyError::Malformed(_) | BodyError::Broken(_)) => K::BadRequest,
             Self::Body(BodyError::NoMemory(_)) => K::QueueFull,
-            Self::Lookup(error) | Self::Activate(ActivateError::Lookup(error)) => match error {
-                LookupError::NoModel(_) | LookupError::NoVersion(..) => K::NoSuchModel,
-                LookupError::NotReady(..) | LookupError::NoLabel(..) => K::NotReady,
-            },
+            Self::Lookup(error) => lookup_kind(error),
+            Self::Change(error) => change_kind(error),
+            Self::Upload(error) => error.kind(),
             Self::Busy(_) => K::QueueFull,
             Self::Recognize(RecognizeError::Image(ImageError::TooLarge(_))) => K::TooLarge,
             Self::Recognize(RecognizeError::Image(_)) => K::NotAnImage,
@@ -236,7 +271,6 @@ impl Problem {
             Self::Recognize(RecognizeError::CallerLeft | RecognizeError::Panicked(_)) => K::Internal,
             Self::Query(_) => K::BadRequest,
             Self::NoWebSocket(_) => K::NoWebSocket,
-            Self::Activate(ActivateError::Failed(_)) => K::NotReady,
             Self::NotFound | Self::NoRobot(_) => K::NotFound,
             Self::Draining => K::Draining,
             Self::Framework(status) => Kind::from_status(*status),
@@ -285,6 +319,35 @@ impl Problem {
             | Self::Body(BodyError::NoMemory(QueueFull { retry_after })) => Some(*retry_after),
             _ => None,
         }
+    }
+}
+
+fn lookup_kind(error: &LookupError) -> Kind {
+    match error {
+        LookupError::NoModel(_) | LookupError::NoVersion(..) => K::NoSuchModel,
+        LookupError::NotReady(..) | LookupError::NoLabel(..) => K::NotReady,
+        LookupError::NothingServes(_) | LookupError::Empty => K::NoModel,
+    }
+}
+
+/// The kind of a change that was refused.
+pub fn change_kind(error: &ChangeError) -> Kind {
+    match error {
+        ChangeError::Lookup(error) => lookup_kind(error),
+        ChangeError::Failed(_) => K::NotReady,
+        ChangeError::Stale { .. } => K::StaleEpoch,
+        ChangeError::Superseded | ChangeError::Record(_) => K::Conflict,
+        ChangeError::Repository(error) => repository_kind(error),
+    }
+}
+
+/// The kind of a repository that does not do what was asked.
+pub fn repository_kind(error: &RepositoryError) -> Kind {
+    match error {
+        RepositoryError::Name(_) => K::BadRequest,
+        RepositoryError::NoVersion(_) => K::NoSuchModel,
+        RepositoryError::Exists(_) | RepositoryError::ReadOnly(_) => K::Conflict,
+        _ => K::NoRepository,
     }
 }
 

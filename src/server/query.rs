@@ -1,6 +1,7 @@
 //! What a request asks for beside its frame, checked before its body is read.
 
 use super::App;
+use super::auth::KeyName;
 use super::observe::RequestContext;
 use super::problem::Problem;
 use super::recognize::Task;
@@ -37,7 +38,9 @@ impl FromRequestParts<App> for Asked {
         let Extension(context) = Extension::<RequestContext>::from_request_parts(parts, app)
             .await
             .map_err(|error| Problem::Framework(error.status()))?;
-        let served = app.registry.choose(query.model.as_deref(), &choice(&query)?)?;
+        let key = parts.extensions.get::<KeyName>().map(|key| key.0.as_str());
+        let robot = query.robot.as_deref().or(key);
+        let served = app.registry.choose(query.model.as_deref(), &choice(&query)?, robot)?;
         let span = tracing::Span::current();
         span.record("model", &served.name);
         if let Some(robot) = &query.robot {

@@ -3,9 +3,8 @@
 use super::App;
 use super::body::Frame;
 use super::pool::{Panicked, Slot};
-use super::registry::ServedModel;
-use crate::image::{Image, ImageError, Limits};
-pub use crate::model::warm;
+use super::registry::{Place, ServedModel, distance};
+use crate::image::{Image, ImageError};
 use crate::model::{Evidence, Recognition, Scratch};
 use std::cell::Cell;
 use std::sync::{Arc, Weak};
@@ -75,7 +74,7 @@ pub fn recognize(
     frame: Frame,
     task: Task,
 ) -> impl Future<Output = Result<Seen, RecognizeError>> + use<> {
-    let limits = app.settings.frame_limits();
+    let looking = app.clone();
     let queued = Instant::now();
     let deadline = task.deadline;
     let (start, started) = oneshot::channel();
@@ -87,7 +86,7 @@ pub fn recognize(
             return Err(RecognizeError::DeadlinePassed);
         }
         let _ = start.send(());
-        let mut seen = look(frame, &limits, task, has_left)?;
+        let mut seen = look(&looking, frame, task, has_left)?;
         seen.timings.queue = queue;
         Ok(seen)
     });
@@ -103,12 +102,12 @@ pub fn recognize(
 
 /// Decodes a frame and sees what is in it, in this thread; `has_left` tells whether nobody waits any more.
 pub fn look(
+    app: &App,
     frame: Frame,
-    limits: &Limits,
     task: Task,
     has_left: &dyn Fn() -> bool,
 ) -> Result<Seen, RecognizeError> {
-    let (image, decode) = timed(|| Image::decode(&frame.bytes, limits));
+    let (image, decode) = timed(|| Image::decode(&frame.bytes, &app.settings.frame_limits()));
     let image = image?;
     drop(frame);
     if has_left() {
@@ -116,7 +115,21 @@ pub fn look(
     }
     let mut seen = see(task, &image);
     seen.timings.decode = decode;
+    if let Some(place) = app.registry.place_in_shadow(&seen.served) {
+        let (served, recognition) = (seen.served.clone(), seen.recognition.clone());
+        app.pool.queue(move || compare(place, &image, (&served, &recognition)));
+    }
     Ok(seen)
+}
+
+/// Lets a shadow see a frame that was recognized, and notes whether it agrees.
+fn compare(place: Place, image: &Image, (served, recognition): (&Arc<ServedModel>, &Recognition)) {
+    let shadow = place.shadow().served.clone();
+    let task = Task { served: shadow.clone(), deadline: None, explain: false };
+    let other = see(task, image).recognition;
+    let (rooms, other_rooms) = (served.model.places(), shadow.model.places());
+    let agrees = rooms[recognition.place_idx] == other_rooms[other.place_idx];
+    place.compared(agrees, distance((rooms, recognition), (other_rooms, &other)));
 }
 
 fn see(task: Task, image: &Image) -> Seen {

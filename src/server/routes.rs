@@ -3,27 +3,20 @@
 use super::asyncapi::stream_document;
 use super::body::{Frame, Frames, OneFrame};
 use super::openapi::{
-    ActivateProblems, BatchForm, Description, FrameForm, FrameProblems, ImageBytes, ModelProblems,
-    PathProblems, ReadyProblems,
+    BatchForm, Description, FrameForm, FrameProblems, ImageBytes, PathProblems, ReadyProblems,
 };
-use super::pool::Panicked;
 use super::problem::{Kind, Problem};
 use super::query::Asked;
-use super::recognize::RecognizeError;
-use super::{App, api, auth, events, observe, recognize, robots, stream};
+use super::registry::Choice;
+use super::{App, api, auth, events, models, observe, recognize, robots, stream};
 use crate::protocol::event::{AnswerEvent, Event};
-use crate::protocol::rest::{
-    Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, ModelInfo, ModelList, ModelName,
-    RecognizeQuery, VersionInfo,
-};
-use axum::extract::rejection::PathRejection;
+use crate::protocol::rest::{Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, RecognizeQuery};
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::HeaderName;
 use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Redirect};
 use axum::routing::get;
 use axum::{Json, Router};
-use tokio::task::spawn_blocking;
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
@@ -68,16 +61,20 @@ fn robots() -> OpenApiRouter<App> {
 
 fn viewers() -> OpenApiRouter<App> {
     OpenApiRouter::new()
-        .routes(routes!(list_models))
-        .routes(routes!(show_model))
-        .routes(routes!(show_version))
+        .routes(routes!(models::list_models))
+        .routes(routes!(models::show_model))
+        .routes(routes!(models::show_version))
         .routes(routes!(events::events))
         .routes(routes!(robots::list_robots))
         .routes(routes!(robots::show_robot))
 }
 
 fn admins() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(activate))
+    OpenApiRouter::new()
+        .routes(routes!(models::upload_version, models::delete_version))
+        .routes(routes!(models::activate))
+        .routes(routes!(models::rollback))
+        .routes(routes!(models::set_label, models::remove_label))
 }
 
 fn anyone() -> OpenApiRouter<App> {
@@ -129,73 +126,6 @@ async fn recognize_batch(
     Ok(Json(BatchAnswer { results, request_id }))
 }
 
-/// The models there are
-#[utoipa::path(
-    get, path = "/v1/models", tag = "models", security(("key" = [])),
-    responses((status = OK, description = "All models and their versions", body = ModelList), ModelProblems)
-)]
-async fn list_models(State(app): State<App>) -> Json<ModelList> {
-    let models =
-        app.registry.models().iter().map(|(name, versions)| ModelInfo::new(name, versions)).collect();
-    Json(ModelList { default: app.registry.default_name().to_owned(), models })
-}
-
-/// One model
-#[utoipa::path(
-    get, path = "/v1/models/{name}", tag = "models", security(("key" = [])),
-    params(("name" = String, Path, description = "The model's name")),
-    responses((status = OK, description = "The model and its versions", body = ModelInfo), ModelProblems)
-)]
-async fn show_model(State(app): State<App>, Path(name): Path<String>) -> Result<Json<ModelInfo>, Problem> {
-    Ok(Json(ModelInfo::new(&name, &app.registry.versions(&name)?)))
-}
-
-/// One version of a model
-///
-/// With its card: how it was trained, and how well it did.
-#[utoipa::path(
-    get, path = "/v1/models/{name}/versions/{version}", tag = "models", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("version" = u64, Path, description = "The version's number")
-    ),
-    responses((status = OK, description = "The version", body = VersionInfo), ModelProblems)
-)]
-async fn show_version(
-    State(app): State<App>,
-    path: Result<Path<(String, u64)>, PathRejection>,
-) -> Result<Json<VersionInfo>, Problem> {
-    let Path((name, version)) = path.map_err(|error| Problem::Query(error.body_text()))?;
-    let versions = app.registry.versions(&name)?;
-    Ok(Json(VersionInfo::with_card(version, versions.state(&name, version)?, &versions)))
-}
-
-/// Lets another version of a model serve
-///
-/// It is loaded and tried first; until then, and where it does not work, the old one serves on. Streams hear
-/// of it by `model_changed`.
-#[utoipa::path(
-    post, path = "/v1/models/{name}/versions/{version}/activate", tag = "models", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("version" = u64, Path, description = "The version's number")
-    ),
-    responses((status = OK, description = "The version that serves now", body = VersionInfo), ActivateProblems)
-)]
-async fn activate(
-    State(app): State<App>,
-    path: Result<Path<(String, u64)>, PathRejection>,
-) -> Result<Json<VersionInfo>, Problem> {
-    let Path((name, version)) = path.map_err(|error| Problem::Query(error.body_text()))?;
-    let loading = app.clone();
-    let work = move || loading.registry.activate(&name, version, recognize::warm);
-    // A panic on the way is a defect of ours.
-    let served = spawn_blocking(work).await.map_err(|_| Problem::from(RecognizeError::from(Panicked)))??;
-    app.events.tell(|| Event::ModelChanged { to: ModelName::from(&*served) });
-    let versions = app.registry.versions(&served.name)?;
-    Ok(Json(VersionInfo::new(version, versions.state(&served.name, version)?, &versions)))
-}
-
 /// Whether the process lives
 #[utoipa::path(
     get, path = "/livez", tag = "health", responses((status = OK, description = "It lives", body = Health))
@@ -212,7 +142,11 @@ async fn live() -> Json<Health> {
     responses((status = OK, description = "Frames are answered", body = Health), ReadyProblems)
 )]
 async fn ready(State(app): State<App>) -> Result<Json<Health>, Problem> {
-    if app.is_draining() { Err(Problem::Draining) } else { Ok(Json(Health { status: "ready".to_owned() })) }
+    if app.is_draining() {
+        return Err(Problem::Draining);
+    }
+    app.registry.choose(None, &Choice::Serving, None)?;
+    Ok(Json(Health { status: "ready".to_owned() }))
 }
 
 /// What a kind of problem means

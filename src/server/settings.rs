@@ -17,8 +17,16 @@ const ENVIRONMENT_PREFIX: &str = "ROOMSIGHT_";
 pub struct Settings {
     /// Where to listen, `host:port`.
     pub listen: String,
-    /// The folder `NAME/VERSION/` of models, or one model's folder.
+    /// Where models are: a folder `NAME/VERSION/`, one model's folder, or `s3://BUCKET/PREFIX`.
     pub models: PathBuf,
+    /// Whether a newer version of a model comes to serve by itself.
+    pub policy: Policy,
+    /// How often the models are looked at for what is new, in milliseconds; 0: never.
+    pub models_poll_ms: u64,
+    /// Where versions from a bucket are kept.
+    pub models_cache: PathBuf,
+    /// The longest upload of a version, in bytes.
+    pub max_model_bytes: u64,
     /// The model of requests that name none; empty: the first by name.
     pub model: String,
     /// Who may call, one `role:name:hash` each; `roomsight key new` makes them.
@@ -71,6 +79,16 @@ pub struct Settings {
     pub log_level: String,
 }
 
+/// Which version of a model serves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Policy {
+    /// A version that is newer than all that served before, as soon as it is there; else as somebody decides.
+    Latest,
+    /// Only as somebody decides.
+    Manual,
+}
+
 /// How log lines look.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -106,6 +124,10 @@ impl Default for Settings {
         Self {
             listen: "127.0.0.1:8080".into(),
             models: "models".into(),
+            policy: Policy::Latest,
+            models_poll_ms: 2000,
+            models_cache: "models-cache".into(),
+            max_model_bytes: 256 << 20,
             model: String::new(),
             keys: Vec::new(),
             allow_anonymous: false,
@@ -183,6 +205,11 @@ impl Settings {
             max_pixels: self.max_frame_pixels,
             max_memory: self.max_decode_bytes,
         }
+    }
+
+    /// [`Settings::models_poll_ms`] as a duration; none where it is 0.
+    pub fn models_poll(&self) -> Option<Duration> {
+        (self.models_poll_ms > 0).then_some(Duration::from_millis(self.models_poll_ms))
     }
 
     /// [`Settings::header_timeout_ms`] as a duration.

@@ -293,13 +293,13 @@ async fn a_damaged_model_is_listed_as_failed_and_the_next_lower_version_serves()
     let lab = success(server.get("/v1/models/lab").send().await.unwrap()).await;
     assert_eq!(lab["serving"], 1);
     assert_eq!(lab["versions"][0]["state"], "failed", "{lab}");
-    assert_eq!(lab["versions"][0]["failure"]["stage"], "loading", "{lab}");
+    assert_eq!(lab["versions"][0]["failure"]["stage"], "verifying", "{lab}");
     let attic = success(server.get("/v1/models/attic").send().await.unwrap()).await;
     assert_eq!(attic["serving"], Value::Null);
     success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
-    for query in ["model=attic", "version=2"] {
+    for (query, status, kind) in [("model=attic", 503, "no-model"), ("version=2", 409, "version-not-ready")] {
         let response = server.post(&format!("/v1/recognize?{query}"), frame()).send().await.unwrap();
-        problem(response, 409, "version-not-ready").await;
+        problem(response, status, kind).await;
     }
 }
 
@@ -311,7 +311,7 @@ fn without_a_model_that_works_the_service_does_not_start_and_says_why() {
     assert!(reason.contains("no model in"), "{reason}");
     write_damaged_model(&folder.path().join("lab/2"));
     let reason = start().err().unwrap().to_string();
-    assert!(reason.contains("lab/2: loading failed: "), "{reason}");
+    assert!(reason.contains("lab/2: verifying failed: "), "{reason}");
 }
 
 #[test]

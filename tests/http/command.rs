@@ -8,13 +8,13 @@ use std::time::{Duration, Instant};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
-fn roomsight(args: &[&str]) -> Command {
+pub fn roomsight(args: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_roomsight"));
     command.args(args).stdin(Stdio::null());
     command
 }
 
-fn output(args: &[&str]) -> Output {
+pub fn output(args: &[&str]) -> Output {
     roomsight(args).output().unwrap()
 }
 
@@ -29,12 +29,12 @@ fn failure(args: &[&str]) -> String {
     text(&output.stderr)
 }
 
-fn free_address() -> String {
+pub fn free_address() -> String {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
 }
 
 /// Kills the service when the test ends early.
-struct Running(Child);
+pub struct Running(pub Child);
 
 impl Drop for Running {
     fn drop(&mut self) {

@@ -4,7 +4,9 @@
 
 mod calls;
 mod command;
+mod kill;
 mod load;
+mod models;
 mod replay;
 mod robot;
 mod service;

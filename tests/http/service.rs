@@ -92,12 +92,21 @@ pub fn models() -> TempDir {
 
 /// Writes a small model into a new folder.
 pub fn write_model(folder: &Path) {
-    static MODEL: LazyLock<Model> = LazyLock::new(train);
     MODEL.save(folder, &[]).expect("the model is saved");
 }
 
+/// Writes a model that calls the same rooms x, y and z.
+pub fn write_other_model(folder: &Path) {
+    OTHER_MODEL.save(folder, &[]).expect("the model is saved");
+}
+
+/// A small model.
+pub static MODEL: LazyLock<Model> = LazyLock::new(|| train(["stripes", "bars", "dots"]));
+/// One that gives the same rooms other names.
+pub static OTHER_MODEL: LazyLock<Model> = LazyLock::new(|| train(["x", "y", "z"]));
+
 /// Trains on stripes, bars and dots.
-fn train() -> Model {
+fn train(names: [&str; 3]) -> Model {
     let bag = vocabulary::Config { n_words: 12, ..vocabulary::Config::default() };
     let config = Config { representation: Representation::Bag(bag), ..Config::default() };
     let camera = Camera::new(Projection::Perspective);
@@ -105,7 +114,7 @@ fn train() -> Model {
     let sample = |idx: u32| {
         let image = Image::decode(&room(idx % 3, idx * 7), &Limits::default()).expect("an image");
         Sample {
-            place: ["stripes", "bars", "dots"][idx as usize % 3].to_owned(),
+            place: names[idx as usize % 3].to_owned(),
             sequence: format!("drive {}", idx % 4),
             features: extractor.extract(&image, &mut Scratch::default()),
         }

@@ -1,7 +1,7 @@
 //! Whatever a robot does, each of its accepted frames is told once, in order.
 
 use crate::robot::{Heard, Robot, seq_of};
-use crate::service::{Server, models, pgm, room, success, write_model};
+use crate::service::{Server, models, pgm, room, write_model};
 use proptest::prelude::*;
 use roomsight::protocol::stream::ServerMessage;
 use roomsight::server::Settings;
@@ -91,7 +91,9 @@ impl Account {
             }
             Act::Activate(version) => {
                 let path = format!("/v1/models/lab/versions/{version}/activate");
-                success(server.post(&path, vec![]).send().await.unwrap()).await;
+                let answer = server.post(&path, vec![]).send().await.unwrap();
+                // Another robot's operator may be faster.
+                assert!([200, 409].contains(&answer.status().as_u16()), "{answer:?}");
             }
         }
     }

@@ -10,10 +10,8 @@ use super::settings;
 use super::socket::{Close, Incoming, Socket};
 use super::teller::Teller;
 use super::{Arrival, Streams};
-use crate::image::Limits;
 use crate::protocol::event::Event;
 use crate::protocol::header::Header;
-use crate::protocol::rest::ModelName;
 use crate::protocol::stream::{
     ClientMessage, DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits, StreamSettings,
 };
@@ -22,7 +20,7 @@ use crate::server::body::{BodyError, Frame};
 use crate::server::pool::Panicked;
 use crate::server::problem::Problem;
 use crate::server::recognize::{RecognizeError, Task, look};
-use crate::server::registry::{Choice, ServedModel};
+use crate::server::registry::Choice;
 use crate::server::robots::Record;
 use axum::body::Bytes;
 use std::sync::Arc;
@@ -101,11 +99,12 @@ impl Session {
     /// # Errors
     /// No model serves.
     pub fn new(app: App, id: String, settings: StreamSettings, record: Arc<Record>) -> Result<Self, Problem> {
-        let served = app.registry.choose(Some(&settings.model), &Choice::Serving)?;
+        let served =
+            app.registry.choose(Some(&settings.model), &Choice::Serving, Some(robot(&settings, &id)))?;
         let (newsroom, news) = mpsc::unbounded_channel();
         record.configured(settings.robot.as_deref(), settings.mode);
         Ok(Self {
-            teller: Teller::new(id.clone(), served),
+            teller: Teller::new(id.clone(), &served),
             id,
             settings,
             next_seq: 0,
@@ -325,6 +324,7 @@ impl Session {
             app: self.app.clone(),
             lane: self.lane.clone(),
             model: self.settings.model.clone(),
+            robot: robot(&self.settings, &self.id).to_owned(),
             newsroom: self.newsroom.clone(),
         };
         let span = tracing::Span::current();
@@ -400,7 +400,6 @@ impl Session {
 
     fn hello(&self, resumed: bool) -> ServerMessage {
         let settings = &self.app.settings;
-        let served: &ServedModel = self.teller.served();
         ServerMessage::Hello(Box::new(Hello {
             protocol: SUBPROTOCOL.to_owned(),
             session: self.id.clone(),
@@ -415,10 +414,15 @@ impl Session {
                 resume_ms: settings.stream_resume_ms,
             },
             modes: vec![Mode::Latest, Mode::Lossless, Mode::Sampled],
-            model: ModelName::from(served),
-            rooms: served.model.places().to_vec(),
+            model: self.teller.model().clone(),
+            rooms: self.teller.rooms().to_vec(),
         }))
     }
+}
+
+/// Who streams, for the choice of a version: a stream without a name is a robot of its own.
+fn robot<'a>(settings: &'a StreamSettings, session: &'a str) -> &'a str {
+    settings.robot.as_deref().unwrap_or(session)
 }
 
 /// A message as it is sent.
@@ -432,13 +436,14 @@ struct Turn {
     app: App,
     lane: Arc<Lane>,
     model: String,
+    robot: String,
     newsroom: UnboundedSender<News>,
 }
 
 impl Turn {
     /// Takes the stream's first frame that is still in time, and recognizes it.
     fn run(self) {
-        let choose = || self.app.registry.choose(Some(&self.model), &Choice::Serving);
+        let choose = || self.app.registry.choose(Some(&self.model), &Choice::Serving, Some(&self.robot));
         while let Some((Waiting { seq, arrived, deadline, frame }, served)) = self.lane.take(choose) {
             let _ = self.newsroom.send(News::Took);
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
@@ -447,10 +452,9 @@ impl Turn {
             }
             let queue = arrived.elapsed();
             let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
-            let limits = self.app.settings.frame_limits();
             verdict.outcome = Some(match served {
                 Err(error) => Outcome::Failed(error.into()),
-                Ok(served) => see(frame, &limits, Task { served, deadline, explain: false }, queue),
+                Ok(served) => see(&self.app, frame, Task { served, deadline, explain: false }, queue),
             });
             return;
         }
@@ -461,8 +465,8 @@ impl Turn {
     }
 }
 
-fn see(frame: Frame, limits: &Limits, task: Task, queue: Duration) -> Outcome {
-    match look(frame, limits, task, &|| false) {
+fn see(app: &App, frame: Frame, task: Task, queue: Duration) -> Outcome {
+    match look(app, frame, task, &|| false) {
         Ok(mut seen) => {
             seen.timings.queue = queue;
             Outcome::Seen(Box::new(seen))

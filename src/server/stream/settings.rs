@@ -13,7 +13,7 @@ const MAX_MS: u64 = 3_600_000;
 pub fn initial(registry: &Registry, key_name: Option<&str>) -> StreamSettings {
     StreamSettings {
         robot: key_name.map(str::to_owned),
-        model: registry.default_name().to_owned(),
+        model: registry.default_name().unwrap_or_default(),
         mode: Mode::default(),
         interval_ms: None,
         filter: Some(FilterSettings::default()),
@@ -34,7 +34,7 @@ pub fn changed(
     let wrong = |text: String| Err(Problem::Query(text));
     check("robot", change.robot.as_deref())?;
     if let Some(model) = &change.model {
-        registry.choose(Some(model), &Choice::Serving)?;
+        registry.choose(Some(model), &Choice::Serving, None)?;
     }
     let mode = change.mode.unwrap_or(settings.mode);
     let interval_ms = match (mode, change.interval_ms.or(settings.interval_ms)) {

@@ -15,7 +15,6 @@ use crate::server::recognize::Seen;
 use crate::server::registry::ServedModel;
 use crate::server::robots::Record;
 use std::collections::VecDeque;
-use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tokio_tungstenite::tungstenite::Utf8Bytes;
 
@@ -25,8 +24,10 @@ const N_KEPT: usize = 64;
 /// What a stream says, and has said.
 pub struct Teller {
     session: String,
-    /// The model of the last answer.
-    served: Arc<ServedModel>,
+    /// The model of the last answer. Only its name is kept, so that a stream that rests does not keep a model
+    /// in memory.
+    model: ModelName,
+    rooms: Vec<String>,
     filter: Option<Belief>,
     /// The last messages, the oldest first, and the frames they are about.
     told: VecDeque<(u64, Utf8Bytes)>,
@@ -48,13 +49,19 @@ struct Moment {
 
 impl Teller {
     /// Of a stream whose frames this model will answer.
-    pub fn new(session: String, served: Arc<ServedModel>) -> Self {
-        Self { session, served, filter: None, told: VecDeque::new() }
+    pub fn new(session: String, served: &ServedModel) -> Self {
+        let (model, rooms) = (ModelName::from(served), served.model.places().to_vec());
+        Self { session, model, rooms, filter: None, told: VecDeque::new() }
     }
 
     /// The model of the last answer.
-    pub fn served(&self) -> &ServedModel {
-        &self.served
+    pub fn model(&self) -> &ModelName {
+        &self.model
+    }
+
+    /// The rooms that it tells apart.
+    pub fn rooms(&self) -> &[String] {
+        &self.rooms
     }
 
     /// What is said of a frame that was recognized; dashboards hear it too.
@@ -93,22 +100,24 @@ impl Teller {
     }
 
     /// Says that another model answers from this frame on, if it does.
-    fn changed_model(&mut self, first_seq: u64, served: &Arc<ServedModel>) -> Option<Utf8Bytes> {
-        if Arc::ptr_eq(&self.served, served) {
+    fn changed_model(&mut self, first_seq: u64, served: &ServedModel) -> Option<Utf8Bytes> {
+        let ModelName { name, version, epoch, .. } = &self.model;
+        if (name, *version, *epoch) == (&served.name, served.version, served.epoch) {
             return None;
         }
-        let before = std::mem::replace(&mut self.served, served.clone());
-        let is_kept = before.model.places() == served.model.places();
+        let from = std::mem::replace(&mut self.model, ModelName::from(served));
+        let is_kept = self.rooms == served.model.places();
         if !is_kept {
             self.filter = None;
+            self.rooms = served.model.places().to_vec();
         }
         let changed = ModelChanged {
-            from: ModelName::from(&*before),
-            to: ModelName::from(&**served),
+            from,
+            to: self.model.clone(),
             epoch: served.epoch,
             first_seq,
             filter: if is_kept { FilterChange::Kept } else { FilterChange::Reset },
-            rooms: served.model.places().to_vec(),
+            rooms: self.rooms.clone(),
         };
         Some(text(&ServerMessage::ModelChanged(Box::new(changed))))
     }

@@ -22,7 +22,7 @@ class RoomProbability:
 
 @dataclass(frozen=True)
 class ModelName:
-    """The model that answered. ``epoch`` counts how often another version of it began to serve."""
+    """The model that answered. ``epoch`` is the model's when this version came to serve."""
 
     name: str
     version: int
@@ -112,8 +112,8 @@ class Model:
 class ModelList:
     """All models, and the one that answers where none is asked for."""
 
-    default: str
     models: list[Model]
+    default: Optional[str] = None
 
 
 def decode(kind: type[T], data: Any) -> T:

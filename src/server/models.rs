@@ -1,0 +1,302 @@
+//! The calls about models: what there is, what serves, and changes of both.
+
+use super::App;
+use super::openapi::{ChangeProblems, ModelProblems, TarBytes, UploadProblems};
+use super::pool::Panicked;
+use super::problem::Problem;
+use super::recognize::RecognizeError;
+use super::registry::{Change, ChangeError};
+use super::upload::upload;
+use crate::protocol::rest::{LabelJson, ModelInfo, ModelList, VersionInfo};
+use crate::repository::{Canary, RepositoryError, VersionId};
+use axum::Json;
+use axum::body::Body;
+use axum::extract::rejection::{JsonRejection, PathRejection};
+use axum::extract::{FromRequestParts, Path, State};
+use axum::http::StatusCode;
+use axum::http::header::{ETAG, IF_MATCH};
+use axum::http::request::Parts;
+use axum::response::{IntoResponse, Response};
+use serde::Deserialize;
+use tokio::task::spawn_blocking;
+use utoipa::ToSchema;
+
+/// Which version a call is about.
+pub struct VersionPath(VersionId);
+
+/// Which label of which model a call is about.
+#[derive(Deserialize)]
+pub struct LabelPath {
+    name: String,
+    label: Label,
+}
+
+/// A label that a version gets beside the stable one.
+#[derive(Clone, Copy, Deserialize, ToSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Label {
+    /// Answers a share of the robots.
+    Canary,
+    /// Answers nobody.
+    Shadow,
+}
+
+/// The epoch at which the caller looked at what serves, where it says so.
+pub struct Expected(Option<u64>);
+
+/// The models there are
+#[utoipa::path(
+    get, path = "/v1/models", tag = "models", security(("key" = [])),
+    responses((status = OK, description = "All models and their versions", body = ModelList), ModelProblems)
+)]
+pub async fn list_models(State(app): State<App>) -> Json<ModelList> {
+    let registry = &app.registry;
+    let entries = registry.entries();
+    let models =
+        entries.iter().map(|(name, entry)| ModelInfo::new(name, entry, &registry.serving(name))).collect();
+    Json(ModelList { default: registry.default_name(), models })
+}
+
+/// One model
+#[utoipa::path(
+    get, path = "/v1/models/{name}", tag = "models", security(("key" = [])),
+    params(("name" = String, Path, description = "The model's name")),
+    responses(
+        (status = OK, description = "The model and its versions", body = ModelInfo,
+            headers(("ETag" = String, description = "The model's epoch, for `If-Match`"))),
+        ModelProblems
+    )
+)]
+pub async fn show_model(State(app): State<App>, Path(name): Path<String>) -> Result<Response, Problem> {
+    told_model(&app, &name)
+}
+
+/// One version of a model
+///
+/// With its card: how it was trained, and how well it did.
+#[utoipa::path(
+    get, path = "/v1/models/{name}/versions/{version}", tag = "models", security(("key" = [])),
+    params(
+        ("name" = String, Path, description = "The model's name"),
+        ("version" = u64, Path, description = "The version's number")
+    ),
+    responses((status = OK, description = "The version", body = VersionInfo), ModelProblems)
+)]
+pub async fn show_version(
+    State(app): State<App>,
+    VersionPath(id): VersionPath,
+) -> Result<Json<VersionInfo>, Problem> {
+    let entry = app.registry.entry(&id.name)?;
+    let serving = app.registry.serving(&id.name);
+    Ok(Json(VersionInfo::with_card(id.version, entry.version(&id.name, id.version)?, &serving)))
+}
+
+/// Adds a version of a model
+///
+/// The body is the version's folder as a tar (`model.safetensors`, `model.json`, `golden/`), or the model
+/// file alone. It is tried before it is taken, and never changes after. With the policy `latest` it comes to
+/// serve at once where it is newer than all that served.
+#[utoipa::path(
+    put, path = "/v1/models/{name}/versions/{version}", tag = "models", security(("key" = [])),
+    params(
+        ("name" = String, Path, description = "The model's name"),
+        ("version" = u64, Path, description = "The version's number")
+    ),
+    request_body(content((TarBytes = "application/x-tar"), (TarBytes = "application/octet-stream"))),
+    responses((status = CREATED, description = "The version", body = VersionInfo), UploadProblems)
+)]
+pub async fn upload_version(
+    State(app): State<App>,
+    VersionPath(id): VersionPath,
+    body: Body,
+) -> Result<Response, Problem> {
+    if app.registry.entry(&id.name).is_ok_and(|entry| entry.versions.contains_key(&id.version)) {
+        return Err(ChangeError::from(RepositoryError::Exists(id)).into());
+    }
+    upload(&app, &id, body).await?;
+    Ok((StatusCode::CREATED, told_version(&app, &id)?).into_response())
+}
+
+/// Removes a version of a model
+///
+/// Not one that serves: stable, canary or shadow.
+#[utoipa::path(
+    delete, path = "/v1/models/{name}/versions/{version}", tag = "models", security(("key" = [])),
+    params(
+        ("name" = String, Path, description = "The model's name"),
+        ("version" = u64, Path, description = "The version's number"),
+        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
+    ),
+    responses((status = NO_CONTENT, description = "It is gone"), ChangeProblems)
+)]
+pub async fn delete_version(
+    State(app): State<App>,
+    VersionPath(id): VersionPath,
+    Expected(epoch): Expected,
+) -> Result<StatusCode, Problem> {
+    blocking(&app, move |app| app.registry.delete(&id, epoch)).await?;
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// Lets another version of a model serve
+///
+/// It is loaded and tried first; until then, and where it does not work, the old one serves on. Streams hear
+/// of it by `model_changed`.
+#[utoipa::path(
+    post, path = "/v1/models/{name}/versions/{version}/activate", tag = "models", security(("key" = [])),
+    params(
+        ("name" = String, Path, description = "The model's name"),
+        ("version" = u64, Path, description = "The version's number"),
+        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
+    ),
+    responses((status = OK, description = "The version that serves now", body = VersionInfo), ChangeProblems)
+)]
+pub async fn activate(
+    State(app): State<App>,
+    VersionPath(id): VersionPath,
+    Expected(epoch): Expected,
+) -> Result<Response, Problem> {
+    change(&app, &id.name, Change::Activate(id.version), epoch).await?;
+    told_version(&app, &id)
+}
+
+/// Lets the version serve that served before
+///
+/// It is still in memory, so that this takes no time. A second rollback leads back.
+#[utoipa::path(
+    post, path = "/v1/models/{name}/rollback", tag = "models", security(("key" = [])),
+    params(
+        ("name" = String, Path, description = "The model's name"),
+        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
+    ),
+    responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)
+)]
+pub async fn rollback(
+    State(app): State<App>,
+    Path(name): Path<String>,
+    Expected(epoch): Expected,
+) -> Result<Response, Problem> {
+    change(&app, &name, Change::Rollback, epoch).await?;
+    told_model(&app, &name)
+}
+
+/// Gives a label to a version
+///
+/// A `canary` answers a share of the robots in the place of the stable version; a robot stays with its
+/// version. A `shadow` sees what the stable version sees, and answers nobody: how far both agree is told with
+/// the version.
+#[utoipa::path(
+    put, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
+    params(
+        ("name" = String, Path, description = "The model's name"),
+        ("label" = Label, Path, description = "The label"),
+        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
+    ), request_body(content = LabelJson),
+    responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)
+)]
+pub async fn set_label(
+    State(app): State<App>,
+    path: Result<Path<LabelPath>, PathRejection>,
+    Expected(epoch): Expected,
+    given: Result<Json<LabelJson>, JsonRejection>,
+) -> Result<Response, Problem> {
+    let LabelPath { name, label } = labeled(path)?;
+    let Json(LabelJson { version, share }) = given.map_err(|error| Problem::Query(error.body_text()))?;
+    let wanted = match (label, share) {
+        (Label::Canary, Some(share)) => Change::Canary(Some(Canary { version, share })),
+        (Label::Shadow, None) => Change::Shadow(Some(version)),
+        (Label::Canary, None) => {
+            return Err(Problem::Query("a canary needs a `share`, above 0 and below 1".to_owned()));
+        }
+        (Label::Shadow, Some(_)) => {
+            return Err(Problem::Query("a shadow answers nobody: leave `share` out".to_owned()));
+        }
+    };
+    change(&app, &name, wanted, epoch).await?;
+    told_model(&app, &name)
+}
+
+/// Takes a label away
+#[utoipa::path(
+    delete, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
+    params(
+        ("name" = String, Path, description = "The model's name"),
+        ("label" = Label, Path, description = "The label"),
+        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
+    ),
+    responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)
+)]
+pub async fn remove_label(
+    State(app): State<App>,
+    path: Result<Path<LabelPath>, PathRejection>,
+    Expected(epoch): Expected,
+) -> Result<Response, Problem> {
+    let LabelPath { name, label } = labeled(path)?;
+    let wanted = match label {
+        Label::Canary => Change::Canary(None),
+        Label::Shadow => Change::Shadow(None),
+    };
+    change(&app, &name, wanted, epoch).await?;
+    told_model(&app, &name)
+}
+
+impl FromRequestParts<App> for VersionPath {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
+        let path = Path::<(String, u64)>::from_request_parts(parts, app).await;
+        let Path((name, version)) = path.map_err(|error| Problem::Query(error.body_text()))?;
+        Ok(Self(VersionId { name, version }))
+    }
+}
+
+impl FromRequestParts<App> for Expected {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &App) -> Result<Self, Problem> {
+        let Some(given) = parts.headers.get(IF_MATCH).filter(|given| *given != "*") else {
+            return Ok(Self(None));
+        };
+        let epoch = given.to_str().ok().and_then(|text| text.trim_matches('"').parse().ok());
+        let wrong = || Problem::Query("If-Match must be the ETag of the model, such as \"3\"".to_owned());
+        epoch.map(|epoch| Self(Some(epoch))).ok_or_else(wrong)
+    }
+}
+
+/// Changes what serves, where that may take its time.
+pub async fn change(app: &App, name: &str, change: Change, epoch: Option<u64>) -> Result<(), Problem> {
+    let name = name.to_owned();
+    blocking(app, move |app| app.registry.change(&name, change, epoch)).await
+}
+
+/// Runs what waits for disks or networks on a thread for that.
+pub async fn blocking<T: Send + 'static, E: Into<Problem> + Send + 'static>(
+    app: &App,
+    work: impl FnOnce(&App) -> Result<T, E> + Send + 'static,
+) -> Result<T, Problem> {
+    let app = app.clone();
+    let done = spawn_blocking(move || work(&app)).await;
+    // A panic on the way is a defect of ours.
+    done.map_err(|_| Problem::from(RecognizeError::from(Panicked)))?.map_err(Into::into)
+}
+
+fn labeled(path: Result<Path<LabelPath>, PathRejection>) -> Result<LabelPath, Problem> {
+    path.map(|Path(path)| path).map_err(|error| Problem::Query(error.body_text()))
+}
+
+fn told_model(app: &App, name: &str) -> Result<Response, Problem> {
+    let entry = app.registry.entry(name)?;
+    let info = ModelInfo::new(name, &entry, &app.registry.serving(name));
+    Ok(([(ETAG, etag(entry.record.epoch))], Json(info)).into_response())
+}
+
+fn told_version(app: &App, id: &VersionId) -> Result<Response, Problem> {
+    let entry = app.registry.entry(&id.name)?;
+    let info =
+        VersionInfo::new(id.version, entry.version(&id.name, id.version)?, &app.registry.serving(&id.name));
+    Ok(([(ETAG, etag(entry.record.epoch))], Json(info)).into_response())
+}
+
+fn etag(epoch: u64) -> String {
+    format!("\"{epoch}\"")
+}

@@ -1,0 +1,295 @@
+//! Another version comes to serve: it is loaded and tried first, then takes the place of the old one at once.
+
+use super::served::Table;
+use super::state::{Loaded, State};
+use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, Stage, lock};
+use crate::model::{LoadError, LoadedModel, VerifiedFile, load_golden_frames, warm};
+use crate::protocol::event::Event;
+use crate::protocol::rest::ModelName;
+use crate::repository::{Canary, Record, RecordError, RepositoryError, VersionId};
+use std::path::Path;
+use std::sync::Arc;
+use tempfile::TempDir;
+
+/// What is to serve instead.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Change {
+    /// This version as stable.
+    Activate(u64),
+    /// The version that was stable before.
+    Rollback,
+    /// This version for a share of the robots, or none.
+    Canary(Option<Canary>),
+    /// This version beside the stable one, or none.
+    Shadow(Option<u64>),
+    /// Nothing.
+    Unload,
+}
+
+/// What became of a try to commit.
+enum Commit {
+    Done,
+    /// The change, on top of others that were faster, takes this version.
+    Wants(u64),
+}
+
+impl Change {
+    fn of(self, record: &Record) -> Result<Record, RecordError> {
+        match self {
+            Self::Activate(version) => Ok(record.activated(version)),
+            Self::Rollback => record.rolled_back(),
+            Self::Canary(Some(canary)) => record.with_canary(canary),
+            Self::Canary(None) => Ok(record.without_canary()),
+            Self::Shadow(Some(version)) => record.with_shadow(version),
+            Self::Shadow(None) => Ok(record.without_shadow()),
+            Self::Unload => Ok(record.unloaded()),
+        }
+    }
+
+    /// The version that must work for the change to take effect, by the changed record.
+    fn wants(self, record: &Record) -> Option<u64> {
+        match self {
+            Self::Activate(_) | Self::Rollback => record.stable,
+            Self::Canary(canary) => canary.map(|canary| canary.version),
+            Self::Shadow(version) => version,
+            Self::Unload => None,
+        }
+    }
+}
+
+impl Registry {
+    /// Changes what serves under a name. Where the caller says at which epoch it looked, nothing must have
+    /// been changed since. What is to serve is loaded and tried first; it blocks for as long as that takes.
+    /// Frames in work finish on the model that they began with.
+    ///
+    /// # Errors
+    /// Nothing is changed then, and what served serves on.
+    pub fn change(&self, name: &str, change: Change, expected_epoch: Option<u64>) -> Result<(), ChangeError> {
+        let ticket = self.begin(name, expected_epoch)?;
+        let mut wanted = change.wants(&change.of(&self.entry(name)?.record)?);
+        let mut loaded = None;
+        loop {
+            if let Some(version) = wanted {
+                loaded = Some((version, self.load(name, version)?));
+            }
+            match self.commit(name, (change, ticket), loaded.as_ref()) {
+                Ok(Commit::Done) => return Ok(()),
+                Ok(Commit::Wants(version)) => wanted = Some(version),
+                Err(error) => {
+                    self.leave(name, loaded.map(|(version, _)| version));
+                    return Err(error);
+                }
+            }
+        }
+    }
+
+    /// Verifies and publishes a version that was put together in a folder of [`Registry::stage`].
+    ///
+    /// # Errors
+    /// A model that does not work, a version that is there already, a repository that cannot be written.
+    pub fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), ChangeError> {
+        let _one = lock(&self.loading);
+        try_model(staged.path(), |_| ())?;
+        Ok(self.repository.publish(id, staged)?)
+    }
+
+    /// A new folder, where a version is put together before it is published.
+    pub fn stage(&self) -> Result<TempDir, RepositoryError> {
+        self.repository.stage()
+    }
+
+    /// Removes a version that serves as nothing.
+    pub fn delete(&self, id: &VersionId, expected_epoch: Option<u64>) -> Result<(), ChangeError> {
+        let ticket = self.begin(&id.name, expected_epoch)?;
+        let _committing = lock(&self.committing);
+        let entry = self.entry(&id.name)?;
+        entry.version(&id.name, id.version)?;
+        let record = entry.record.without(id.version)?;
+        if record != entry.record {
+            self.repository.write_record(&id.name, &record)?;
+        }
+        self.adopt(&id.name, record, None);
+        self.repository.delete(id)?;
+        if let Some(entry) = self.book().models.get_mut(&id.name) {
+            entry.versions.remove(&id.version);
+            entry.committed = entry.committed.max(ticket);
+        }
+        tracing::info!(version = %id, "deleted");
+        Ok(())
+    }
+
+    /// Numbers a change by when it began.
+    fn begin(&self, name: &str, expected_epoch: Option<u64>) -> Result<u64, ChangeError> {
+        let mut book = self.book();
+        let entry = book.models.get_mut(name).ok_or_else(|| LookupError::NoModel(name.to_owned()))?;
+        let current = entry.record.epoch;
+        if let Some(expected) = expected_epoch.filter(|&expected| expected != current) {
+            return Err(ChangeError::Stale { expected, current });
+        }
+        entry.n_begun += 1;
+        Ok(entry.n_begun)
+    }
+
+    /// Writes a change down and lets it take effect, if no younger one has and what it takes is loaded.
+    fn commit(
+        &self,
+        name: &str,
+        (change, ticket): (Change, u64),
+        loaded: Option<&(u64, Loaded)>,
+    ) -> Result<Commit, ChangeError> {
+        let _committing = lock(&self.committing);
+        let entry = self.entry(name)?;
+        if entry.committed > ticket {
+            return Err(ChangeError::Superseded);
+        }
+        // Older changes may have taken effect while the version was loading.
+        let record = change.of(&entry.record)?;
+        if let Some(wanted) = change.wants(&record)
+            && loaded.is_none_or(|(version, _)| *version != wanted)
+        {
+            return Ok(Commit::Wants(wanted));
+        }
+        if record != entry.record {
+            self.repository.write_record(name, &record)?;
+        }
+        self.adopt(name, record, loaded);
+        if let Some(entry) = self.book().models.get_mut(name) {
+            entry.committed = ticket;
+        }
+        Ok(Commit::Done)
+    }
+
+    /// The model of a version: the one in memory, or else from its files, which are tried.
+    pub(super) fn load(&self, name: &str, version: u64) -> Result<Loaded, ChangeError> {
+        let id = VersionId { name: name.to_owned(), version };
+        if let Some(loaded) = self.entry(name)?.version(name, version)?.loaded() {
+            return Ok(loaded.clone());
+        }
+        self.enter(&id, State::Verifying);
+        let failed = |error: RepositoryError| Failure { stage: Stage::Verifying, reason: error.to_string() };
+        let result = self.repository.fetch(&id).map_err(failed).and_then(|folder| {
+            let _one = lock(&self.loading);
+            try_model(&folder, |state| self.enter(&id, state))
+        });
+        result.map_err(|failure| {
+            tracing::error!(version = %id, %failure, "does not serve");
+            self.enter(&id, State::Failed(failure.clone()));
+            failure.into()
+        })
+    }
+
+    /// Gives up what was loaded for a change that did not take effect.
+    fn leave(&self, name: &str, version: Option<u64>) {
+        let is_serving =
+            |version: u64| self.serving(name).answering().any(|served| served.version == version);
+        if let Some(version) = version.filter(|&version| !is_serving(version)) {
+            self.enter(&VersionId { name: name.to_owned(), version }, State::Unloaded);
+        }
+    }
+
+    /// Lets a record take effect as far as its versions are in memory, or `loaded` just now. Whoever calls
+    /// this holds `committing`.
+    pub(super) fn adopt(&self, name: &str, record: Record, loaded: Option<&(u64, Loaded)>) {
+        let mut book = self.book();
+        let Some(entry) = book.models.get_mut(name) else { return };
+        if let Some((version, loaded)) = loaded
+            && let Some(version) = entry.versions.get_mut(version)
+            && version.loaded().is_none()
+        {
+            version.enter(State::Ready(loaded.clone()));
+        }
+        entry.record = record;
+        entry.is_followed = true;
+        let before = self.serving(name);
+        let serving = entry.serving(name, &before);
+        let resident: Vec<u64> = serving.answering().map(|served| served.version).collect();
+        self.swap(name, &before, serving);
+        drop(before);
+        for (number, version) in &mut entry.versions {
+            if !resident.contains(number) {
+                version.retire();
+            }
+        }
+    }
+
+    /// Replaces the table; whoever asks from now on is answered by what is in it.
+    fn swap(&self, name: &str, before: &Serving, serving: Serving) {
+        let mut table = Table::clone(&self.table());
+        let stable = serving.stable.clone();
+        table.insert(name.to_owned(), serving);
+        self.table.store(Arc::new(table));
+        let version =
+            |served: &Option<Arc<ServedModel>>| served.as_ref().map(|served| (served.version, served.epoch));
+        if version(&before.stable) != version(&stable) {
+            match &stable {
+                Some(served) => {
+                    tracing::info!(
+                        model = name,
+                        version = served.version,
+                        epoch = served.epoch,
+                        digest = served.digest,
+                        "serves"
+                    );
+                    self.events.tell(|| Event::ModelChanged { to: ModelName::from(&**served) });
+                }
+                None => tracing::info!(model = name, "nothing serves"),
+            }
+        }
+    }
+
+    pub(super) fn enter(&self, id: &VersionId, state: State) {
+        let mut book = self.book();
+        if let Some(version) =
+            book.models.get_mut(&id.name).and_then(|entry| entry.versions.get_mut(&id.version))
+        {
+            version.enter(state);
+        }
+    }
+}
+
+impl Entry {
+    /// What serves by the record. Where the stable version is not in memory, what served before serves on.
+    fn serving(&self, name: &str, before: &Serving) -> Serving {
+        let Record { stable, previous, canary, shadow, epoch, .. } = self.record.clone();
+        let served = |version: Option<u64>, old: Option<&Arc<ServedModel>>| {
+            let version = version?;
+            let Loaded { model, digest } = self.versions.get(&version)?.loaded()?.clone();
+            let same = old.filter(|old| old.version == version && Arc::ptr_eq(&old.model, &model));
+            let new = || {
+                Arc::new(ServedModel { name: name.to_owned(), version, epoch, model: model.clone(), digest })
+            };
+            Some(same.cloned().unwrap_or_else(new))
+        };
+        let old_canary = before.canary.as_ref().map(|(served, _)| served);
+        let shadow = served(shadow, before.shadow.as_ref().map(|shadow| &shadow.served));
+        let old_shadow = |served: &Arc<ServedModel>| {
+            before.shadow.clone().filter(|shadow| Arc::ptr_eq(&shadow.served, served))
+        };
+        Serving {
+            stable: stable
+                .and_then(|_| served(stable, before.stable.as_ref()).or_else(|| before.stable.clone())),
+            previous: served(previous, before.previous.as_ref()),
+            canary: canary
+                .and_then(|Canary { version, share }| Some((served(Some(version), old_canary)?, share))),
+            shadow: shadow.map(|served| old_shadow(&served).unwrap_or_else(|| Arc::new(Shadow::new(served)))),
+        }
+    }
+}
+
+/// Verifies, loads and tries a model, telling what comes after the verifying.
+fn try_model(folder: &Path, mut about_to: impl FnMut(State)) -> Result<Loaded, Failure> {
+    let file = VerifiedFile::read(folder).map_err(|error| failure(Stage::Verifying, &error))?;
+    about_to(State::Loading);
+    let loading = |error| failure(Stage::Loading, &error);
+    let golden_frames = load_golden_frames(folder).map_err(loading)?;
+    let LoadedModel { model, digest } = file.load().map_err(loading)?;
+    about_to(State::Warming);
+    warm(&model, &golden_frames).map_err(|reason| Failure { stage: Stage::Warming, reason })?;
+    Ok(Loaded { model: Arc::new(model), digest })
+}
+
+/// Callers may read the reason: it names the file, not where it lies.
+fn failure(stage: Stage, LoadError { path, reason }: &LoadError) -> Failure {
+    let file = path.file_name().unwrap_or_default().to_string_lossy();
+    Failure { stage, reason: format!("{file}: {reason}") }
+}

@@ -1,0 +1,118 @@
+//! Why a model is not there, or does not come to serve.
+
+use crate::repository::{RecordError, RepositoryError};
+use std::fmt;
+
+/// Why the repository gives nothing to serve.
+#[derive(Debug, thiserror::Error)]
+pub enum RegistryError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Repository(#[from] RepositoryError),
+    /// No model in it.
+    #[error(
+        "no model in {0}: put one at NAME/VERSION/model.safetensors in it (VERSION is a whole number), \
+         for example with `roomsight train`; with --policy manual the service starts without one"
+    )]
+    Empty(String),
+    /// Models, but none that works.
+    #[error("no model in {location} can serve:\n{}", failures.join("\n"))]
+    AllFailed {
+        /// The repository.
+        location: String,
+        /// A line for each version that was tried.
+        failures: Vec<String>,
+    },
+    /// The default model is not among those that serve.
+    #[error("the setting `model` names {wanted:?}, which does not serve; these do: {}", serving.join(", "))]
+    NoDefault {
+        /// What was asked for.
+        wanted: String,
+        /// What there is.
+        serving: Vec<String>,
+    },
+}
+
+/// Why a request gets no model.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+pub enum LookupError {
+    /// No model of this name.
+    #[error("there is no model {0:?}; GET /v1/models lists those that are")]
+    NoModel(String),
+    /// No such version of it.
+    #[error("the model {0:?} has no version {1}; GET /v1/models/{0} lists those it has")]
+    NoVersion(String, u64),
+    /// It is there, and does not serve.
+    #[error("version {1} of the model {0:?} does not serve; GET /v1/models/{0} tells which does")]
+    NotReady(String, u64),
+    /// No version carries the label.
+    #[error("no version of the model {0:?} serves as {1:?}; leave the label out for the one that serves")]
+    NoLabel(String, String),
+    /// No version of it serves.
+    #[error("no version of the model {0:?} serves; an admin may activate one")]
+    NothingServes(String),
+    /// Nothing serves at all.
+    #[error("no model serves yet; an admin may upload or activate one")]
+    Empty,
+}
+
+/// Why another version does not come to serve, or a version does not come or go.
+#[derive(Debug, thiserror::Error)]
+pub enum ChangeError {
+    /// It is not there.
+    #[error(transparent)]
+    Lookup(#[from] LookupError),
+    /// It does not work.
+    #[error("the version does not come to serve, what served serves on: {0}")]
+    Failed(#[from] Failure),
+    /// What is to serve was changed since the caller looked.
+    #[error(
+        "the model is at epoch {current}, If-Match says {expected}: look again at what serves, then decide"
+    )]
+    Stale {
+        /// What the caller thinks.
+        expected: u64,
+        /// What is.
+        current: u64,
+    },
+    /// A younger change has taken effect while this one was loading.
+    #[error("a later change took effect while the version was loading; what it chose serves")]
+    Superseded,
+    /// The change makes no sense.
+    #[error(transparent)]
+    Record(#[from] RecordError),
+    /// It could not be written down, so that nothing was changed.
+    #[error(transparent)]
+    Repository(#[from] RepositoryError),
+}
+
+/// Why a version does not serve.
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
+#[error("{stage} failed: {reason}")]
+pub struct Failure {
+    /// Where on its way it failed.
+    pub stage: Stage,
+    /// What was wrong.
+    pub reason: String,
+}
+
+/// A step on the way to serving.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Fetching the files and checking their digest.
+    Verifying,
+    /// Making a model of them.
+    Loading,
+    /// Recognizing first frames.
+    Warming,
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Verifying => "verifying",
+            Self::Loading => "loading",
+            Self::Warming => "warming",
+        })
+    }
+}

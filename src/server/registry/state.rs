@@ -1,0 +1,161 @@
+//! What is true of each version, now and before.
+
+use super::Failure;
+use crate::model::Model;
+use crate::protocol::rest::{StateChange, VersionState};
+use crate::repository::Fingerprint;
+use std::collections::VecDeque;
+use std::sync::{Arc, Weak};
+use std::time::SystemTime;
+
+/// The last states that are kept of a version.
+const N_KEPT: usize = 16;
+
+/// One version of a model.
+#[derive(Clone, Debug)]
+pub struct Version {
+    /// How its files were when they were last looked at.
+    fingerprint: Fingerprint,
+    /// Its files did not change between two looks: nobody is copying it.
+    is_settled: bool,
+    state: State,
+    history: VecDeque<(VersionState, SystemTime)>,
+}
+
+/// What is true of a version.
+#[derive(Clone, Debug)]
+pub enum State {
+    /// It is there.
+    Discovered,
+    /// Its files are fetched and their digest is checked.
+    Verifying,
+    /// It becomes a model.
+    Loading,
+    /// It answers its golden frames.
+    Warming,
+    /// It can answer.
+    Ready(Loaded),
+    /// It gets no further frames; some are in work.
+    Quiescing(Weak<Model>),
+    /// It is no longer in memory.
+    Unloaded,
+    /// It was tried and will not serve.
+    Failed(Failure),
+}
+
+/// A model in memory.
+#[derive(Clone, Debug)]
+pub struct Loaded {
+    /// The model.
+    pub model: Arc<Model>,
+    /// The BLAKE3 digest of its file, 64 hexadecimal digits.
+    pub digest: String,
+}
+
+impl Version {
+    /// A version that was just found. What is there when the service starts is taken for whole.
+    pub fn new(fingerprint: Fingerprint, is_settled: bool) -> Self {
+        let mut version =
+            Self { fingerprint, is_settled, state: State::Discovered, history: VecDeque::new() };
+        version.enter(State::Discovered);
+        version
+    }
+
+    /// Looks at its files again. One that was tried in vain is tried again when they change.
+    pub fn look(&mut self, id: &str, fingerprint: &Fingerprint) {
+        self.is_settled = self.fingerprint == *fingerprint;
+        if self.is_settled {
+            return;
+        }
+        self.fingerprint = fingerprint.clone();
+        if self.failure().is_some() {
+            self.enter(State::Discovered);
+        } else if self.loaded().is_some() {
+            tracing::error!(version = id, "the files of a version changed; the model in memory serves on");
+        }
+    }
+
+    /// Takes it for whole: it was published as a whole.
+    pub fn settled(&mut self) {
+        self.is_settled = true;
+    }
+
+    /// Whether it is whole and was never in memory.
+    pub fn is_new(&self) -> bool {
+        self.is_settled && matches!(self.state, State::Discovered)
+    }
+
+    /// Whether it is whole, not in memory, and may work.
+    pub fn is_untried(&self) -> bool {
+        self.is_settled && matches!(self.state, State::Discovered | State::Unloaded)
+    }
+
+    /// What is true of it.
+    pub fn state(&self) -> &State {
+        &self.state
+    }
+
+    /// Lets something else be true from now on.
+    pub fn enter(&mut self, state: State) {
+        if self.history.len() == N_KEPT {
+            self.history.pop_front();
+        }
+        self.history.push_back((state.name(), SystemTime::now()));
+        self.state = state;
+    }
+
+    /// Takes the model out of use: it is in memory until the last frame that it works on is done.
+    pub fn retire(&mut self) {
+        if let State::Ready(loaded) = &self.state {
+            self.enter(State::Quiescing(Arc::downgrade(&loaded.model)));
+        }
+        self.settle();
+    }
+
+    /// Notes that the last frame is done, if it is.
+    pub fn settle(&mut self) {
+        if matches!(&self.state, State::Quiescing(model) if model.strong_count() == 0) {
+            self.enter(State::Unloaded);
+        }
+    }
+
+    /// The model, where it is in memory and can answer.
+    pub fn loaded(&self) -> Option<&Loaded> {
+        match &self.state {
+            State::Ready(loaded) => Some(loaded),
+            _ => None,
+        }
+    }
+
+    /// Why it will not serve, where it was tried.
+    pub fn failure(&self) -> Option<&Failure> {
+        match &self.state {
+            State::Failed(failure) => Some(failure),
+            _ => None,
+        }
+    }
+
+    /// Its last states, the oldest first.
+    pub fn history(&self) -> Vec<StateChange> {
+        self.history
+            .iter()
+            .map(|&(state, at)| StateChange { state, at: humantime::format_rfc3339_millis(at).to_string() })
+            .collect()
+    }
+}
+
+impl State {
+    /// As callers know it.
+    pub fn name(&self) -> VersionState {
+        match self {
+            Self::Discovered => VersionState::Discovered,
+            Self::Verifying => VersionState::Verifying,
+            Self::Loading => VersionState::Loading,
+            Self::Warming => VersionState::Warming,
+            Self::Ready(_) => VersionState::Ready,
+            Self::Quiescing(_) => VersionState::Quiescing,
+            Self::Unloaded => VersionState::Unloaded,
+            Self::Failed(_) => VersionState::Failed,
+        }
+    }
+}

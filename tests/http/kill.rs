@@ -1,0 +1,163 @@
+//! The service is killed while models come and go: what it acknowledged is there when it is back.
+
+use crate::command::{Running, free_address, output, roomsight};
+use crate::service::{MODEL, OTHER_MODEL, client, room};
+use roomsight::model::Model;
+use roomsight::repository::package::pack;
+use serde_json::Value;
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
+use tempfile::TempDir;
+use tokio::time::timeout;
+
+const PATIENCE: Duration = Duration::from_secs(20);
+
+/// How often the service is killed. `ROOMSIGHT_KILLS=200 cargo test --test http kill::` kills it more often.
+fn n_kills() -> u64 {
+    std::env::var("ROOMSIGHT_KILLS").map_or(12, |n| n.parse().unwrap())
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Operation {
+    Upload(u64),
+    Activate(u64),
+    Delete(u64),
+}
+
+/// What the service has acknowledged.
+#[derive(Debug)]
+struct Acknowledged {
+    versions: BTreeSet<u64>,
+    stable: u64,
+    /// What it was asked for and has not acknowledged: it may have been done, or not.
+    open: Option<Operation>,
+    n_uploaded: u64,
+}
+
+impl Acknowledged {
+    /// The operation that comes next: many uploads, some activations, and few versions left.
+    fn next(&self, idx: u64) -> Operation {
+        let others = || self.versions.iter().copied().filter(|&version| version != self.stable);
+        match idx % 4 {
+            1 | 3 => others().next_back().map_or(Operation::Upload(self.n_uploaded + 2), Operation::Activate),
+            2 if self.versions.len() > 3 => {
+                others().next().map_or(Operation::Activate(self.stable), Operation::Delete)
+            }
+            _ => Operation::Upload(self.n_uploaded + 2),
+        }
+    }
+
+    fn done(&mut self, operation: Operation) {
+        match operation {
+            Operation::Upload(version) => {
+                self.versions.insert(version);
+            }
+            Operation::Activate(version) => self.stable = version,
+            Operation::Delete(version) => {
+                self.versions.remove(&version);
+            }
+        }
+    }
+
+    /// Takes over what the service that is back says of the operation that was open.
+    fn settle(&mut self, lab: &Value) {
+        let number = |version: &Value| version.as_u64().unwrap();
+        let versions: BTreeSet<u64> =
+            lab["versions"].as_array().unwrap().iter().map(|version| number(&version["version"])).collect();
+        let stable = number(&lab["serving"]);
+        let before = format!("{self:?}");
+        if let Some(operation) = self.open.take()
+            && (versions != self.versions || stable != self.stable)
+        {
+            self.done(operation);
+        }
+        assert_eq!((&versions, stable), (&self.versions, self.stable), "{before}");
+    }
+}
+
+/// Odd versions call the rooms by other names than even ones.
+fn model_of(version: u64) -> &'static Model {
+    if version % 2 == 1 { &MODEL } else { &OTHER_MODEL }
+}
+
+fn packed(version: u64) -> Vec<u8> {
+    let folder = TempDir::new().unwrap();
+    model_of(version).save(&folder.path().join("1"), &[]).unwrap();
+    let mut body = Vec::new();
+    pack(&folder.path().join("1"), &mut body).unwrap();
+    body
+}
+
+fn start(folder: &Path, address: &str) -> Running {
+    let folder = folder.to_str().unwrap();
+    let mut serve = roomsight(&["serve", "--models", folder, "--listen", address, "--policy", "manual"]);
+    let running = Running(serve.stderr(Stdio::null()).spawn().unwrap());
+    let started = Instant::now();
+    while !output(&["health", &format!("http://{address}")]).status.success() {
+        assert!(started.elapsed() < PATIENCE, "it never got ready");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    running
+}
+
+/// Does one operation after the other until the connection breaks.
+async fn operate(url: &str, known: &mut Acknowledged, bodies: [&[u8]; 2]) {
+    for idx in 0.. {
+        let operation = known.next(idx);
+        known.open = Some(operation);
+        let call = match operation {
+            Operation::Upload(version) => {
+                known.n_uploaded += 1;
+                client().put(format!("{url}/versions/{version}")).body(bodies[version as usize % 2].to_vec())
+            }
+            Operation::Activate(version) => client().post(format!("{url}/versions/{version}/activate")),
+            Operation::Delete(version) => client().delete(format!("{url}/versions/{version}")),
+        };
+        let Ok(answer) = call.send().await else { return };
+        assert!(answer.status().is_success(), "{operation:?}: {answer:?}");
+        known.done(operation);
+        known.open = None;
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_was_acknowledged_is_there_after_the_service_was_killed() {
+    let (folder, address) = (TempDir::new().unwrap(), free_address());
+    MODEL.save(&folder.path().join("lab/1"), &[]).unwrap();
+    // Somebody has decided that it serves.
+    fs::write(folder.path().join("lab/serving.json"), r#"{"epoch": 1, "settled": 1, "stable": 1}"#).unwrap();
+    let bodies = [packed(0), packed(1)];
+    let mut known = Acknowledged { versions: BTreeSet::from([1]), stable: 1, open: None, n_uploaded: 0 };
+    let url = format!("http://{address}/v1/models/lab");
+    for kill_idx in 0..=n_kills() {
+        let mut running = start(folder.path(), &address);
+        let lab = client().get(&url).send().await.unwrap().json::<Value>().await.unwrap();
+        known.settle(&lab);
+        let recognize = client().post(format!("http://{address}/v1/recognize")).body(room(0, 0));
+        let recognize = recognize.header("content-type", "application/octet-stream");
+        let answer = recognize.send().await.unwrap().json::<Value>().await.unwrap();
+        assert_eq!(answer["model"]["version"], known.stable, "{answer}");
+        let expected = if known.stable % 2 == 1 { "stripes" } else { "x" };
+        assert_eq!(answer["room"], expected, "{answer}");
+        for version in &known.versions {
+            Model::load(&folder.path().join("lab").join(version.to_string())).expect("each version is whole");
+        }
+        // Moments spread over what a few operations take.
+        let moment = Duration::from_micros(kill_idx * 7919 % 40_000);
+        let operating = operate(&url, &mut known, [&bodies[0], &bodies[1]]);
+        let _ = timeout(moment, operating).await;
+        running.0.kill().unwrap();
+        running.0.wait().unwrap();
+    }
+    println!("killed {} times during {} uploads", n_kills() + 1, known.n_uploaded);
+    assert!(known.n_uploaded > 0, "nothing was under way");
+    let left: Vec<_> = fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| name.starts_with(".staged-"))
+        .collect();
+    assert!(left.len() < 8, "what an interrupted operation left is removed at the next start: {left:?}");
+}
