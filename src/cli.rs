@@ -10,6 +10,7 @@ mod experiment;
 mod health;
 mod inspect;
 mod key;
+mod models;
 mod output;
 mod recognize;
 mod replay;
@@ -49,6 +50,7 @@ enum Command {
     Recognize(recognize::RecognizeArgs),
     Inspect(inspect::InspectArgs),
     Serve(serve::ServeArgs),
+    Models(models::ModelsArgs),
     Replay(replay::ReplayArgs),
     Key(key::KeyArgs),
     Health(health::HealthArgs),
@@ -79,6 +81,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Recognize(args) => recognize::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Serve(args) => serve::run(&args),
+        Command::Models(args) => models::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Key(args) => key::run(&args),
         Command::Health(args) => health::run(&args),

@@ -103,7 +103,9 @@ pub enum RepositoryError {
         reason: String,
     },
     /// A bucket that cannot be reached, or says no.
-    #[error("the bucket {location}: {reason}; AWS_ENDPOINT_URL, AWS_REGION and AWS_ACCESS_KEY_ID tell where it is and who asks")]
+    #[error(
+        "the bucket {location}: {reason}; AWS_ENDPOINT_URL, AWS_REGION and AWS_ACCESS_KEY_ID tell where it is and who asks"
+    )]
     Bucket {
         /// The bucket.
         location: String,

@@ -15,9 +15,7 @@ mod tests;
 use super::name::{check_name, version_number};
 use super::package::{self, Limits, is_file_of_version};
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
-use super::{
-    Fingerprint, Folder, Listing, Record, RepositoryError, Scan, VersionId, io_error, is_name,
-};
+use super::{Fingerprint, Folder, Listing, Record, RepositoryError, Scan, VersionId, io_error, is_name};
 use crate::model::{self, ABOUT_FILE, GOLDEN_FOLDER, MODEL_FILE, VerifiedFile};
 use object_store::PutMode;
 use object_store::aws::AmazonS3Builder;
@@ -170,7 +168,8 @@ impl Bucket {
     pub(super) fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
         check_name(name)?;
         let path = format!("{name}/{RECORD_FILE}");
-        let json = serde_json::to_vec_pretty(record).map_err(|error| io_error(Path::new(&path))(error.into()))?;
+        let json =
+            serde_json::to_vec_pretty(record).map_err(|error| io_error(Path::new(&path))(error.into()))?;
         self.remote.write(&path, json, PutMode::Overwrite)?;
         Ok(())
     }
@@ -182,7 +181,8 @@ impl Bucket {
         let mut found: BTreeMap<(String, u64), Files> = BTreeMap::new();
         for object in self.remote.list("")? {
             let parts: Vec<&str> = object.path.splitn(3, '/').collect();
-            if parts.iter().any(|part| part.starts_with('.')) {
+            // Empty objects stand for folders.
+            if object.n_bytes == 0 || parts.iter().any(|part| part.starts_with('.')) {
                 continue;
             }
             match parts[..] {

@@ -8,8 +8,7 @@ use futures_util::StreamExt;
 use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::path::Path as Key;
 use object_store::{
-    BackoffConfig, ClientConfigKey, Error, GetResult, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode,
-    RetryConfig,
+    ClientConfigKey, Error, GetResult, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode, RetryConfig,
 };
 use std::fs::File;
 use std::io::Write;
@@ -56,7 +55,11 @@ pub(super) struct Object {
 
 impl Remote {
     /// The bucket at `s3://bucket/prefix`; nothing is sent yet.
-    pub fn new(builder: AmazonS3Builder, location: &str, patience: Duration) -> Result<Self, RepositoryError> {
+    pub fn new(
+        builder: AmazonS3Builder,
+        location: &str,
+        patience: Duration,
+    ) -> Result<Self, RepositoryError> {
         let wrong = |reason: String| RepositoryError::Bucket { location: location.to_owned(), reason };
         let rest = location.strip_prefix(super::SCHEME).unwrap_or(location).trim_end_matches('/');
         let (bucket, prefix) = rest.split_once('/').unwrap_or((rest, ""));
@@ -64,8 +67,8 @@ impl Remote {
         if bucket.is_empty() || !is_plain {
             return Err(wrong("give it as s3://bucket or s3://bucket/prefix".to_owned()));
         }
-        let backoff = BackoffConfig { max_backoff: patience, ..BackoffConfig::default() };
-        let retry = RetryConfig { backoff, max_retries: MAX_RETRIES, retry_timeout: patience };
+        let retry =
+            RetryConfig { max_retries: MAX_RETRIES, retry_timeout: patience, ..RetryConfig::default() };
         let store = builder
             .with_bucket_name(bucket)
             .with_allow_http(true)
@@ -91,7 +94,9 @@ impl Remote {
             let mut found = Vec::new();
             while let Some(meta) = timeout(patience, stream.next()).await.map_err(late)? {
                 if found.len() == MAX_OBJECTS {
-                    return Err(format!("it has more than {MAX_OBJECTS} objects: use a prefix for the models"));
+                    return Err(format!(
+                        "it has more than {MAX_OBJECTS} objects: use a prefix for the models"
+                    ));
                 }
                 found.push(meta.map_err(failed)?);
             }

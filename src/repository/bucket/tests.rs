@@ -57,8 +57,11 @@ impl Moto {
     fn ask(&self, method: &str, path: &str, body: &str) -> String {
         let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
         let length = body.len();
-        write!(stream, "{method} {path} HTTP/1.0\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n{body}")
-            .unwrap();
+        write!(
+            stream,
+            "{method} {path} HTTP/1.0\r\nHost: localhost\r\nContent-Length: {length}\r\n\r\n{body}"
+        )
+        .unwrap();
         let mut answer = String::new();
         stream.read_to_string(&mut answer).unwrap();
         let status = answer.lines().next().unwrap_or_default();
@@ -98,9 +101,9 @@ impl Proxy {
                 for (from, to) in [(&client, &server), (&server, &client)] {
                     let (from, to) = (from.try_clone().unwrap(), to.try_clone().unwrap());
                     let (stalls, is_gone) = (stalls.clone(), is_gone.clone());
-                    thread::spawn(move || pass(from, to, &|| {
-                        (stalls.load(Ordering::SeqCst), is_gone.load(Ordering::SeqCst))
-                    }));
+                    thread::spawn(move || {
+                        pass(from, to, &|| (stalls.load(Ordering::SeqCst), is_gone.load(Ordering::SeqCst)))
+                    });
                 }
             }
         });
@@ -157,7 +160,8 @@ fn publish(bucket: &Bucket, id: &VersionId, content: &str) -> Result<(), Reposit
     let staged = bucket.stage().unwrap();
     let about = format!("{{\"blake3\":\"{}\"}}", blake3::hash(content.as_bytes()).to_hex());
     fs::create_dir(staged.path().join(GOLDEN_FOLDER)).unwrap();
-    for (name, content) in [(MODEL_FILE, content), (ABOUT_FILE, &about), ("golden/k\u{fc}che.jpg", "a frame")] {
+    for (name, content) in [(MODEL_FILE, content), (ABOUT_FILE, &about), ("golden/k\u{fc}che.jpg", "a frame")]
+    {
         fs::write(staged.path().join(name), content).unwrap();
     }
     bucket.publish(id, &staged)
@@ -253,7 +257,10 @@ fn without_its_server_a_bucket_has_what_it_had() {
     assert_eq!(restarted.scan().unwrap().models, scan.models);
     assert_eq!(content(&restarted, &id), "a model");
     assert!(matches!(restarted.fetch(&never_fetched), Err(RepositoryError::Bucket { .. })));
-    assert!(matches!(publish(&restarted, &VersionId::new("lab", 3), ""), Err(RepositoryError::Bucket { .. })));
+    assert!(matches!(
+        publish(&restarted, &VersionId::new("lab", 3), ""),
+        Err(RepositoryError::Bucket { .. })
+    ));
 
     lab.proxy.is_gone.store(false, Ordering::SeqCst);
     let back = lab.open(BRIEF);
