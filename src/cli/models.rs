@@ -69,7 +69,10 @@ enum ModelsCommand {
     /// List the models, their versions, and what these serve as
     List,
     /// Show one model, or one version with its card
-    Show { target: Target },
+    Show {
+        /// NAME or NAME/VERSION
+        target: Target,
+    },
     /// Add a version: it is tried first, and never changes after
     Push {
         /// The model's folder, as train writes it
@@ -79,12 +82,15 @@ enum ModelsCommand {
     },
     /// Let a version serve
     Activate {
+        /// The version
+        #[arg(value_name = "NAME/VERSION")]
         id: VersionId,
         #[command(flatten)]
         expected: Expected,
     },
     /// Let the version serve that served before
     Rollback {
+        /// The model
         #[arg(value_parser = name)]
         name: String,
         #[command(flatten)]
@@ -97,6 +103,8 @@ enum ModelsCommand {
     },
     /// Remove a version that does not serve
     Delete {
+        /// The version
+        #[arg(value_name = "NAME/VERSION")]
         id: VersionId,
         #[command(flatten)]
         expected: Expected,
@@ -108,6 +116,7 @@ enum ModelsCommand {
 /// A label, and what is to carry it.
 #[derive(Args)]
 struct LabelArgs {
+    /// The label
     label: Label,
     /// NAME/VERSION, or NAME with --remove
     target: Target,
