@@ -7,24 +7,21 @@
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 
+mod service;
+
 use roomsight::client::Client;
 use roomsight::image::{Image, Limits};
 use roomsight::model::{Model, Scratch};
 use roomsight::protocol::stream::{Configure, Mode, ServerMessage};
-use std::fs;
-use std::io::{BufRead, BufReader};
+use service::{MODEL, Service, cpu_seconds, frames, memory_kib};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/simulated-lab/1");
 const ROUNDS: usize = 5;
 const ROUND: Duration = Duration::from_secs(3);
 const N_IDLE: usize = 1000;
-/// Of Linux, on all machines that this is likely to run on.
-const TICKS_A_SECOND: f64 = 100.0;
 
 /// Frames a second, and milliseconds of CPU a frame.
 #[derive(Clone, Copy)]
@@ -37,7 +34,7 @@ fn main() {
     let frames = frames();
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
     for n_threads in [1, std::thread::available_parallelism().unwrap().get()] {
-        let service = Service::start(n_threads);
+        let service = Service::start(&["--models", MODEL, "--threads", &n_threads.to_string()]);
         let rounds: Vec<(Speed, Speed)> = (0..ROUNDS)
             .map(|_| {
                 let in_process = in_process(&frames, n_threads);
@@ -60,15 +57,8 @@ fn main() {
             median(|(alone, streamed)| streamed.cpu_ms / alone.cpu_ms),
         );
     }
-    let service = Service::start(1);
+    let service = Service::start(&["--models", MODEL]);
     runtime.block_on(idle(&service));
-}
-
-/// The frames that lie with the model.
-fn frames() -> Vec<Vec<u8>> {
-    let is_frame = |path: &Path| path.extension().is_some_and(|extension| extension == "jpeg");
-    let files = fs::read_dir(Path::new(MODEL).join("golden")).unwrap().map(|entry| entry.unwrap().path());
-    files.filter(|path| is_frame(path)).map(|path| fs::read(path).unwrap()).collect()
 }
 
 fn in_process(frames: &[Vec<u8>], n_threads: usize) -> Speed {
@@ -124,55 +114,5 @@ fn speed(n_frames: usize, wall: Duration, cpu_seconds: f64) -> Speed {
     Speed {
         frames_per_second: n_frames as f64 / wall.as_secs_f64(),
         cpu_ms: cpu_seconds * 1e3 / n_frames as f64,
-    }
-}
-
-/// User and system time of a process, in seconds.
-fn cpu_seconds(process: u32) -> f64 {
-    let stat = fs::read_to_string(format!("/proc/{process}/stat")).unwrap();
-    // After the name, which ends with the last parenthesis, utime and stime are fields 12 and 13.
-    let fields: Vec<&str> = stat[stat.rfind(')').unwrap()..].split_whitespace().collect();
-    fields[12..14].iter().map(|ticks| ticks.parse::<f64>().unwrap()).sum::<f64>() / TICKS_A_SECOND
-}
-
-/// Resident memory of a process.
-fn memory_kib(process: u32) -> f64 {
-    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap();
-    let line = status.lines().find(|line| line.starts_with("VmRSS:")).unwrap();
-    line.split_whitespace().nth(1).unwrap().parse().unwrap()
-}
-
-/// A service in a process of its own.
-struct Service {
-    process: Child,
-    url: String,
-}
-
-impl Service {
-    fn start(n_threads: usize) -> Self {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_roomsight"))
-            .args(["serve", "--listen", "127.0.0.1:0", "--log-format", "json", "--models", MODEL])
-            .args(["--threads", &n_threads.to_string()])
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
-        let url = lines
-            .find_map(|line| {
-                let line = line.unwrap();
-                let (_, after) = line.split_once("listening on ")?;
-                Some(after.split(',').next().unwrap().to_owned())
-            })
-            .unwrap();
-        // Its log must not fill the pipe.
-        std::thread::spawn(move || lines.for_each(drop));
-        Self { process, url }
-    }
-}
-
-impl Drop for Service {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
     }
 }

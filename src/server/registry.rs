@@ -6,12 +6,14 @@
 //! | `state` | what is true of each version, now and before |
 //! | `change` | another version comes to serve: loaded and tried first, then swapped at once |
 //! | `follow` | the start, and what changes in the repository while the service runs |
+//! | `aside` | work that stands aside for frames |
 //! | `shadow` | a version that is compared with the stable one |
 //!
 //! Frames read one pointer, to a table that is never changed but replaced. All else is kept in a book behind a
 //! lock that is never held while files are read or models tried. Loading happens on the threads of the callers,
 //! never on those that recognize.
 
+mod aside;
 mod change;
 mod error;
 mod follow;
@@ -43,6 +45,9 @@ pub struct Registry {
     book: Mutex<Book>,
     /// Held while a change is written down and the table replaced: changes come one after the other.
     committing: Mutex<()>,
+    /// Held while the repository is looked at and the book brought up to date, so that no older look undoes
+    /// what a younger one found.
+    looking: Mutex<()>,
     /// Held while a model is read and tried: one at a time, so that frames keep the processors.
     loading: Mutex<()>,
     events: Events,
@@ -63,6 +68,8 @@ pub struct Entry {
     pub record: Record,
     /// By number.
     pub versions: BTreeMap<u64, Version>,
+    /// What served at the start in the place of the stable version, which did not work.
+    fallback: Option<u64>,
     /// The table is as the record says, as far as that works.
     is_followed: bool,
     /// Changes that were begun.

@@ -251,6 +251,25 @@ async fn what_serves_survives_a_restart_and_a_newer_version_is_still_newer() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn where_the_stable_version_broke_the_one_before_serves_until_it_is_whole_again() {
+    let folder = models();
+    write_other_model(&folder.path().join("lab/2"));
+    let mut server = Server::of(manual(&folder)).await;
+    success(server.activate(1).await).await;
+    success(server.activate(2).await).await;
+    server.stop();
+    server.stopped().await;
+    let file = folder.path().join("lab/2/model.safetensors");
+    let whole = fs::read(&file).unwrap();
+    fs::write(&file, &whole[..whole.len() / 2]).unwrap();
+    let server = Server::of(manual(&folder)).await;
+    assert_eq!(server.answer("").await, (1, "stripes".into()));
+    assert_eq!(server.version(2).await["state"], "failed");
+    fs::write(&file, whole).unwrap();
+    until(async || server.answer("").await == (2, "x".into())).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn a_canary_answers_its_share_of_the_robots_and_each_stays_with_its_version() {
     let folder = models();
     write_other_model(&folder.path().join("lab/2"));

@@ -1,5 +1,6 @@
 //! Another version comes to serve: it is loaded and tried first, then takes the place of the old one at once.
 
+use super::aside::aside;
 use super::served::Table;
 use super::state::{Loaded, State};
 use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, Stage, lock};
@@ -88,8 +89,7 @@ impl Registry {
     /// # Errors
     /// A model that does not work, a version that is there already, a repository that cannot be written.
     pub fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), ChangeError> {
-        let _one = lock(&self.loading);
-        try_model(staged.path(), |_| ())?;
+        self.load_aside(staged.path(), |_| ())?;
         Ok(self.repository.publish(id, staged)?)
     }
 
@@ -109,6 +109,7 @@ impl Registry {
             self.repository.write_record(&id.name, &record)?;
         }
         self.adopt(&id.name, record, None);
+        let _looking = lock(&self.looking);
         self.repository.delete(id)?;
         if let Some(entry) = self.book().models.get_mut(&id.name) {
             entry.versions.remove(&id.version);
@@ -144,10 +145,12 @@ impl Registry {
         }
         // Older changes may have taken effect while the version was loading.
         let record = change.of(&entry.record)?;
-        if let Some(wanted) = change.wants(&record)
-            && loaded.is_none_or(|(version, _)| *version != wanted)
-        {
-            return Ok(Commit::Wants(wanted));
+        if let Some(wanted) = change.wants(&record) {
+            // It may have been deleted.
+            entry.version(name, wanted)?;
+            if loaded.is_none_or(|(version, _)| *version != wanted) {
+                return Ok(Commit::Wants(wanted));
+            }
         }
         if record != entry.record {
             self.repository.write_record(name, &record)?;
@@ -167,15 +170,20 @@ impl Registry {
         }
         self.enter(&id, State::Verifying);
         let failed = |error: RepositoryError| Failure { stage: Stage::Verifying, reason: error.to_string() };
-        let result = self.repository.fetch(&id).map_err(failed).and_then(|folder| {
-            let _one = lock(&self.loading);
-            try_model(&folder, |state| self.enter(&id, state))
-        });
+        let folder = self.repository.fetch(&id).map_err(failed);
+        let result = folder.and_then(|folder| self.load_aside(&folder, |state| self.enter(&id, state)));
         result.map_err(|failure| {
             tracing::error!(version = %id, %failure, "does not serve");
             self.enter(&id, State::Failed(failure.clone()));
             failure.into()
         })
+    }
+
+    /// Verifies, loads and tries one model at a time, on a thread that stands aside; tells what comes after the
+    /// verifying.
+    fn load_aside(&self, folder: &Path, about_to: impl FnMut(State) + Send) -> Result<Loaded, Failure> {
+        let _one = lock(&self.loading);
+        aside(|| try_model(folder, about_to))
     }
 
     /// Gives up what was loaded for a change that did not take effect.
@@ -248,7 +256,7 @@ impl Registry {
 }
 
 impl Entry {
-    /// What serves by the record. Where the stable version is not in memory, what served before serves on.
+    /// What serves by the record. Where the stable version does not work, what served before serves on.
     fn serving(&self, name: &str, before: &Serving) -> Serving {
         let Record { stable, previous, canary, shadow, epoch, .. } = self.record.clone();
         let served = |version: Option<u64>, old: Option<&Arc<ServedModel>>| {
@@ -266,8 +274,10 @@ impl Entry {
             before.shadow.clone().filter(|shadow| Arc::ptr_eq(&shadow.served, served))
         };
         Serving {
-            stable: stable
-                .and_then(|_| served(stable, before.stable.as_ref()).or_else(|| before.stable.clone())),
+            stable: stable.and_then(|_| {
+                let works = served(stable, before.stable.as_ref());
+                works.or_else(|| before.stable.clone()).or_else(|| served(self.fallback, None))
+            }),
             previous: served(previous, before.previous.as_ref()),
             canary: canary
                 .and_then(|Canary { version, share }| Some((served(Some(version), old_canary)?, share))),
@@ -276,7 +286,6 @@ impl Entry {
     }
 }
 
-/// Verifies, loads and tries a model, telling what comes after the verifying.
 fn try_model(folder: &Path, mut about_to: impl FnMut(State)) -> Result<Loaded, Failure> {
     let file = VerifiedFile::read(folder).map_err(|error| failure(Stage::Verifying, &error))?;
     about_to(State::Loading);
@@ -292,4 +301,82 @@ fn try_model(folder: &Path, mut about_to: impl FnMut(State)) -> Result<Loaded, F
 fn failure(stage: Stage, LoadError { path, reason }: &LoadError) -> Failure {
     let file = path.file_name().unwrap_or_default().to_string_lossy();
     Failure { stage, reason: format!("{file}: {reason}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::repository::Repository;
+    use crate::server::events::Events;
+    use crate::server::settings::{Policy, Settings};
+    use std::fs;
+
+    /// A registry of three versions of the model that lies with the project, and its folder.
+    fn registry() -> (TempDir, Registry) {
+        let folder = TempDir::new().unwrap();
+        for version in 1..=3 {
+            let into = folder.path().join(format!("lab/{version}"));
+            fs::create_dir_all(&into).unwrap();
+            for file in ["model.safetensors", "model.json"] {
+                let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/simulated-lab/1").join(file);
+                fs::copy(from, into.join(file)).unwrap();
+            }
+        }
+        let settings = Settings { policy: Policy::Manual, ..Settings::default() };
+        let repository = Repository::open(&folder.path().to_string_lossy(), Path::new("unused")).unwrap();
+        let registry = Registry::open(repository, &settings, Events::default()).unwrap();
+        (folder, registry)
+    }
+
+    fn stable(registry: &Registry) -> Option<u64> {
+        registry.serving("lab").stable.map(|served| served.version)
+    }
+
+    #[test]
+    fn a_load_that_ends_after_a_younger_change_has_lost() {
+        let (_folder, registry) = registry();
+        let older = registry.begin("lab", None).unwrap();
+        let loaded = (2, registry.load("lab", 2).unwrap());
+        registry.change("lab", Change::Activate(3), None).unwrap();
+        let late = registry.commit("lab", (Change::Activate(2), older), Some(&loaded));
+        assert!(matches!(late, Err(ChangeError::Superseded)));
+        assert_eq!(stable(&registry), Some(3));
+    }
+
+    #[test]
+    fn a_rollback_that_waited_leads_back_from_what_serves_then() {
+        let (_folder, registry) = registry();
+        registry.change("lab", Change::Activate(1), None).unwrap();
+        registry.change("lab", Change::Activate(2), None).unwrap();
+        // Decided when 1 was previous; when its turn comes, 2 is.
+        let loaded = (1, registry.load("lab", 1).unwrap());
+        registry.change("lab", Change::Activate(3), None).unwrap();
+        let ticket = registry.begin("lab", None).unwrap();
+        let wants = registry.commit("lab", (Change::Rollback, ticket), Some(&loaded)).unwrap();
+        assert!(matches!(wants, Commit::Wants(2)));
+        assert_eq!(stable(&registry), Some(3), "nothing is done yet");
+    }
+
+    #[test]
+    fn a_version_that_was_deleted_while_it_was_loading_does_not_serve() {
+        let (_folder, registry) = registry();
+        registry.change("lab", Change::Activate(1), None).unwrap();
+        let loaded = (2, registry.load("lab", 2).unwrap());
+        registry.delete(&VersionId::new("lab", 2), None).unwrap();
+        let ticket = registry.begin("lab", None).unwrap();
+        let gone = registry.commit("lab", (Change::Activate(2), ticket), Some(&loaded));
+        assert!(matches!(gone, Err(ChangeError::Lookup(LookupError::NoVersion(..)))));
+        assert_eq!(stable(&registry), Some(1));
+    }
+
+    #[test]
+    fn after_unload_nothing_serves_until_somebody_decides() {
+        let (_folder, registry) = registry();
+        registry.change("lab", Change::Activate(1), None).unwrap();
+        registry.change("lab", Change::Unload, None).unwrap();
+        assert_eq!(stable(&registry), None);
+        assert!(registry.choose(Some("lab"), &super::super::Choice::Serving, None).is_err());
+        registry.change("lab", Change::Rollback, None).unwrap();
+        assert_eq!(stable(&registry), Some(1));
+    }
 }

@@ -25,13 +25,12 @@ impl Registry {
             table: ArcSwap::from_pointee(Table::new()),
             book: Mutex::new(Book::default()),
             committing: Mutex::default(),
+            looking: Mutex::default(),
             loading: Mutex::default(),
             events,
         };
-        let scan = registry.repository.scan()?;
-        registry.note(&scan);
-        for name in scan.models.keys() {
-            registry.start(name);
+        for name in registry.look(None)? {
+            registry.start(&name);
         }
         if settings.policy == Policy::Latest {
             registry.check(&settings.models.to_string_lossy())?;
@@ -44,38 +43,33 @@ impl Registry {
     /// # Errors
     /// A repository that cannot be read: nothing changes then.
     pub fn poll(&self) -> Result<(), RepositoryError> {
-        let scan = self.repository.scan()?;
-        self.note(&scan);
-        for name in scan.models.keys() {
-            self.follow(name);
+        for name in self.look(None)? {
+            self.follow(&name);
         }
         Ok(())
     }
 
     /// Takes a version that was just published for settled: it is whole.
     pub fn found(&self, id: &VersionId) -> Result<(), RepositoryError> {
-        let scan = self.repository.scan()?;
-        self.note(&scan);
-        if let Some(entry) = self.book().models.get_mut(&id.name)
-            && let Some(version) = entry.versions.get_mut(&id.version)
-        {
-            version.settled();
-        }
+        self.look(Some(id))?;
         self.follow(&id.name);
         Ok(())
     }
 
-    /// Writes what there is into the book.
-    fn note(&self, Scan { models, foreign }: &Scan) {
+    /// Writes what there is into the book, one version of which is known to be whole; returns the models.
+    fn look(&self, whole: Option<&VersionId>) -> Result<Vec<String>, RepositoryError> {
+        let _looking = lock(&self.looking);
+        let Scan { models, foreign } = self.repository.scan()?;
         let mut guard = self.book();
         let Book { models: entries, reported } = &mut *guard;
         let is_start = entries.is_empty();
         for path in foreign {
-            if reported.insert(path.clone()) {
+            if !reported.contains(&path) {
                 tracing::warn!(path, "not a version of a model, left alone");
+                reported.insert(path);
             }
         }
-        for (name, listing) in models {
+        for (name, listing) in &models {
             entries.entry(name.clone()).or_default().note(name, listing, is_start);
         }
         entries.retain(|name, entry| {
@@ -85,6 +79,13 @@ impl Registry {
             }
             is_there || !entry.versions.is_empty()
         });
+        if let Some(id) = whole
+            && let Some(entry) = entries.get_mut(&id.name)
+            && let Some(version) = entry.versions.get_mut(&id.version)
+        {
+            version.settled();
+        }
+        Ok(models.into_keys().collect())
     }
 
     /// Loads the first that works of what may serve under a name.
@@ -95,9 +96,8 @@ impl Registry {
         let (newer, older): (Vec<u64>, Vec<u64>) =
             entry.versions.keys().rev().filter(|_| is_latest).partition(|&&version| entry.is_newer(version));
         // After `unload` nothing is to serve, until something newer comes.
-        let is_unloaded = record.epoch > 0 && record.stable.is_none();
         let decided = record.stable.into_iter().chain(record.previous);
-        let fallback = decided.chain(older).filter(|_| !is_unloaded);
+        let fallback = decided.chain(older).filter(|_| !entry.is_unloaded());
         let first = newer
             .into_iter()
             .chain(fallback)
@@ -114,6 +114,9 @@ impl Registry {
             }
             Some((version, _)) if record.stable != Some(*version) => {
                 tracing::error!(model = name, serves = version, "the version that is to serve does not work");
+                if let Some(entry) = self.book().models.get_mut(name) {
+                    entry.fallback = Some(*version);
+                }
             }
             _ => {}
         }
@@ -164,7 +167,7 @@ impl Registry {
             .map(|(name, _)| name.clone())
             .collect();
         let entries = self.entries();
-        if serving.is_empty() && entries.values().all(|entry| entry.record.epoch == 0) {
+        if serving.is_empty() && !entries.values().any(Entry::is_unloaded) {
             return Err(nothing_serves(location, &entries));
         }
         let wanted = &self.default_name;
@@ -198,7 +201,7 @@ impl Entry {
         }
     }
 
-    /// Whether a version is newer than all that ever were stable.
+    /// Whether a version is newer than all that somebody has decided about.
     fn is_newer(&self, version: u64) -> bool {
         self.record.epoch == 0 || version > self.record.settled
     }
