@@ -5,7 +5,7 @@ use std::io::{BufRead, BufReader, Read};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Weak};
+use std::sync::{Arc, Once, Weak};
 use std::thread;
 
 /// Long enough for a server on this machine, short enough for a test.
@@ -31,7 +31,13 @@ impl Moto {
         let installed = concat!(env!("CARGO_MANIFEST_DIR"), "/target/python/bin/moto_server");
         let program = std::env::var("ROOMSIGHT_MOTO_SERVER").unwrap_or_else(|_| installed.to_owned());
         if !Path::new(&program).exists() {
-            eprintln!("LEFT OUT: models in a bucket. {program} is missing; `make test-python` installs it.");
+            static TOLD: Once = Once::new();
+            // Past the test's own output, which is shown of failed tests only.
+            TOLD.call_once(|| {
+                let what = "LEFT OUT: models in a bucket";
+                writeln!(io::stderr(), "{what}. {program} is missing; `make test-python` installs it.")
+                    .unwrap();
+            });
             return None;
         }
         let moto = Arc::new(Self::start(&program));
