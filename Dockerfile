@@ -11,6 +11,8 @@ RUN cargo build --profile dist --locked --bin roomsight
 
 FROM debian:bookworm-slim
 RUN useradd --system --uid 10001 --no-create-home roomsight
+# Whom to believe, where models come from a bucket.
+COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/
 COPY --from=build /src/target/dist/roomsight /usr/local/bin/roomsight
 COPY models /opt/roomsight/models
 WORKDIR /opt/roomsight

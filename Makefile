@@ -3,7 +3,9 @@
 ARGS ?=
 
 PYTHON ?= python3
-# Made once; the stamp is renewed where the client's dependencies change.
+# An S3 server, which the tests of models in buckets start.
+MOTO := 'moto[s3]' flask flask-cors
+# Made once; the stamp is renewed where what is installed changes.
 VENV := target/python
 STAMP := $(VENV)/.installed
 
@@ -24,14 +26,15 @@ test: tools ## format, lints, all tests
 
 test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
-	  cargo build --tests && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests; \
+	  cargo build --tests && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
+	  cargo test --lib repository::bucket; \
 	else \
-	  echo "LEFT OUT: the tests of the Python client and of Triton's. They take python3 with venv, and its packages from an index." >&2; \
+	  echo "LEFT OUT: the tests of the Python client, of Triton's and of buckets. They take python3 with venv, and its packages from an index." >&2; \
 	fi
 
-$(STAMP): clients/python/pyproject.toml
+$(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]'
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO)
 	@touch $(STAMP)
 
 bench: tools ## milliseconds a frame, step by step

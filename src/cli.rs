@@ -11,6 +11,7 @@ mod health;
 mod inspect;
 mod key;
 mod log;
+mod models;
 mod output;
 mod recognize;
 mod replay;
@@ -50,6 +51,7 @@ enum Command {
     Recognize(recognize::RecognizeArgs),
     Inspect(inspect::InspectArgs),
     Serve(serve::ServeArgs),
+    Models(models::ModelsArgs),
     Replay(replay::ReplayArgs),
     Key(key::KeyArgs),
     Health(health::HealthArgs),
@@ -80,6 +82,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Recognize(args) => recognize::run(&args),
         Command::Inspect(args) => inspect::run(&args),
         Command::Serve(args) => serve::run(&args),
+        Command::Models(args) => models::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Key(args) => key::run(&args),
         Command::Health(args) => health::run(&args),

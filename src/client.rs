@@ -19,14 +19,15 @@
 
 #[cfg(test)]
 pub(crate) mod fake;
+mod models;
 mod stream;
 
 pub use stream::{ResumePoint, Stream, StreamReceiver, StreamSender};
 
-use crate::protocol::rest::{Answer, ModelList, ProblemBody, RecognizeQuery};
+use crate::protocol::rest::{Answer, ProblemBody, RecognizeQuery};
 use crate::protocol::stream::Configure;
 use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
-use reqwest::{Response, StatusCode, Url};
+use reqwest::{ClientBuilder, Response, StatusCode, Url};
 use serde::de::DeserializeOwned;
 use std::time::Duration;
 use tokio_tungstenite::tungstenite;
@@ -104,8 +105,7 @@ impl Client {
         }
         let authorization = key.map(|key| bearer(key).ok_or(ClientError::Key)).transpose()?;
         let headers: HeaderMap = authorization.iter().map(|value| (AUTHORIZATION, value.clone())).collect();
-        let http =
-            reqwest::Client::builder().timeout(PATIENCE).no_proxy().default_headers(headers).build()?;
+        let http = http(PATIENCE).default_headers(headers).build()?;
         Ok(Self { http, url: parsed, authorization })
     }
 
@@ -113,11 +113,6 @@ impl Client {
     pub async fn recognize(&self, frame: Vec<u8>, query: &RecognizeQuery) -> Result<Answer, ClientError> {
         let call = self.http.post(self.endpoint("v1/recognize")).query(query).body(frame);
         read(call.header(CONTENT_TYPE, "application/octet-stream").send().await?).await
-    }
-
-    /// The models there are.
-    pub async fn models(&self) -> Result<ModelList, ClientError> {
-        read(self.http.get(self.endpoint("v1/models")).send().await?).await
     }
 
     /// Whether the service answers frames.
@@ -146,6 +141,11 @@ impl Client {
     }
 }
 
+/// A client of plain HTTP, which does without the certificates that a small system may not have.
+pub(crate) fn http(patience: Duration) -> ClientBuilder {
+    reqwest::Client::builder().timeout(patience).no_proxy().tls_certs_only([])
+}
+
 fn bearer(key: &str) -> Option<HeaderValue> {
     let mut value = HeaderValue::try_from(format!("Bearer {key}")).ok()?;
     value.set_sensitive(true);
@@ -153,12 +153,17 @@ fn bearer(key: &str) -> Option<HeaderValue> {
 }
 
 async fn read<T: DeserializeOwned>(response: Response) -> Result<T, ClientError> {
-    let (status, retry_after) = (response.status(), retry_after(response.headers()));
-    let body = response.bytes().await?;
+    let status = response.status();
     if status.is_success() {
-        return serde_json::from_slice(&body).map_err(|_| ClientError::Foreign(status));
+        return serde_json::from_slice(&response.bytes().await?).map_err(|_| ClientError::Foreign(status));
     }
-    Err(refused(status, retry_after, &body))
+    Err(failure_of(response).await?)
+}
+
+/// What a response says that is no success.
+async fn failure_of(response: Response) -> Result<ClientError, reqwest::Error> {
+    let (status, retry_after) = (response.status(), retry_after(response.headers()));
+    Ok(refused(status, retry_after, &response.bytes().await?))
 }
 
 /// The error in an answer that is no success.

@@ -1,7 +1,8 @@
 //! Which versions of which models there are, and which are to serve.
 //!
 //! A repository is a folder `NAME/VERSION/`, each version as [`crate::model`] writes it, with a record
-//! `NAME/serving.json` of what is to serve. It may also be one model's own folder, which is only read.
+//! `NAME/serving.json` of what is to serve. It may also lie in a bucket of an S3-compatible store, or be one
+//! model's own folder, which is only read.
 //!
 //! A version never changes: it is put together in a staged folder and renamed when it is whole. So whoever
 //! looks sees all of a version or nothing, whenever the power goes.
@@ -10,10 +11,11 @@
 //! |---|---|
 //! | `name` | how models and versions are called |
 //! | `record` | what is to serve |
-//! | `folder`, `single` | the kinds of repositories |
+//! | `folder`, `bucket`, `single` | the kinds of repositories |
 //! | `fingerprint` | whether files are those that they were |
 //! | `package` | a version as one body, to be uploaded |
 
+mod bucket;
 mod fingerprint;
 mod folder;
 mod name;
@@ -21,6 +23,7 @@ pub mod package;
 mod record;
 mod single;
 
+pub use bucket::Bucket;
 pub use fingerprint::Fingerprint;
 pub use folder::Folder;
 pub use name::{VersionId, is_name};
@@ -28,6 +31,7 @@ pub use record::{Canary, Record, RecordError};
 pub use single::Single;
 
 use crate::model::MODEL_FILE;
+use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -40,6 +44,8 @@ pub enum Repository {
     Single(Single),
     /// A folder of many.
     Folder(Folder),
+    /// A bucket, or a part of it.
+    Bucket(Bucket),
 }
 
 /// What there is in a repository at one time.
@@ -52,7 +58,7 @@ pub struct Scan {
 }
 
 /// What there is of one model.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Listing {
     /// Its versions by number.
     pub versions: BTreeMap<u64, Fingerprint>,
@@ -96,6 +102,24 @@ pub enum RepositoryError {
         /// What is wrong.
         reason: String,
     },
+    /// A bucket that cannot be reached, or says no.
+    #[error(
+        "the bucket {location}: {reason}; AWS_ENDPOINT_URL, AWS_REGION and AWS_ACCESS_KEY_ID tell where it is and who asks"
+    )]
+    Bucket {
+        /// The bucket.
+        location: String,
+        /// Why not.
+        reason: String,
+    },
+    /// What was downloaded is not what was uploaded.
+    #[error("{id} is damaged in the bucket: {reason}; delete it and push it again")]
+    Damaged {
+        /// The version.
+        id: VersionId,
+        /// What is wrong.
+        reason: String,
+    },
     /// The disk said no.
     #[error("{path}: {source}")]
     Io {
@@ -107,9 +131,13 @@ pub enum RepositoryError {
 }
 
 impl Repository {
-    /// The repository at `location`: a folder `NAME/VERSION/`, or one model's own folder. What an interrupted
-    /// upload left is removed.
-    pub fn open(location: &str, _cache: &Path) -> Result<Self, RepositoryError> {
+    /// The repository at `location`: a folder `NAME/VERSION/`, one model's own folder, or a bucket
+    /// `s3://bucket/prefix`, whose versions are kept in the folder `cache`. What an interrupted upload left in
+    /// a folder is removed.
+    pub fn open(location: &str, cache: &Path) -> Result<Self, RepositoryError> {
+        if location.starts_with(bucket::SCHEME) {
+            return Ok(Self::Bucket(Bucket::open(location, cache)?));
+        }
         let unreadable = |source| RepositoryError::Unreadable { location: location.into(), source };
         let folder = Path::new(location).canonicalize().map_err(unreadable)?;
         if folder.join(MODEL_FILE).is_file() {
@@ -123,14 +151,16 @@ impl Repository {
         match self {
             Self::Single(single) => single.scan(),
             Self::Folder(folder) => folder.scan(),
+            Self::Bucket(bucket) => bucket.scan(),
         }
     }
 
-    /// The local folder of a version, with all of its files.
+    /// The local folder of a version, with all of its files. A bucket's is downloaded first.
     pub fn fetch(&self, id: &VersionId) -> Result<PathBuf, RepositoryError> {
         match self {
             Self::Single(single) => single.fetch(id),
             Self::Folder(folder) => folder.fetch(id),
+            Self::Bucket(bucket) => bucket.fetch(id),
         }
     }
 
@@ -140,6 +170,7 @@ impl Repository {
         match self {
             Self::Single(single) => Err(single.read_only()),
             Self::Folder(folder) => folder.stage(),
+            Self::Bucket(bucket) => bucket.stage(),
         }
     }
 
@@ -148,6 +179,7 @@ impl Repository {
         match self {
             Self::Single(single) => Err(single.read_only()),
             Self::Folder(folder) => folder.publish(id, staged),
+            Self::Bucket(bucket) => bucket.publish(id, &staged),
         }
     }
 
@@ -156,6 +188,7 @@ impl Repository {
         match self {
             Self::Single(single) => Err(single.read_only()),
             Self::Folder(folder) => folder.delete(id),
+            Self::Bucket(bucket) => bucket.delete(id),
         }
     }
 
@@ -164,6 +197,7 @@ impl Repository {
         match self {
             Self::Single(_) => Ok(Record::default()),
             Self::Folder(folder) => folder.record(name),
+            Self::Bucket(bucket) => bucket.record(name),
         }
     }
 
@@ -172,6 +206,7 @@ impl Repository {
         match self {
             Self::Single(single) => Err(single.read_only()),
             Self::Folder(folder) => folder.write_record(name, record),
+            Self::Bucket(bucket) => bucket.write_record(name, record),
         }
     }
 }

@@ -41,9 +41,9 @@ const RESERVED: [Reserved; 4] = [
     Reserved { words: &["unsafe", "unsafe_code"], only: &["simd"], core: false, why: "only simd is unsafe" },
     Reserved {
         words: &["tokio", "axum"],
-        only: &["client", "server", "cli", "main"],
+        only: &["repository", "client", "server", "cli", "main"],
         core: false,
-        why: "only client, server and cli are async and speak HTTP",
+        why: "only client, server, cli and the repository's bucket are async and speak HTTP",
     },
     Reserved {
         words: &[

@@ -4,6 +4,7 @@
 
 use super::output::{program, quoted, say};
 use super::serve;
+use crate::client::http;
 use crate::dataset::{self, Frame};
 use crate::server::{self, App, Settings};
 use anyhow::{Context, bail, ensure};
@@ -173,7 +174,7 @@ async fn drive(url: &str, frames: &[Frame]) -> anyhow::Result<()> {
     ensure!(!frames.is_empty(), "the drive has no frame");
     let url = format!("{url}/v1/recognize?robot=demo");
     say!("\nNow the robot drives by night and posts every simulated frame to {url}\n")?;
-    let client = reqwest::Client::builder().timeout(PATIENCE).no_proxy().build()?;
+    let client = http(PATIENCE).build()?;
     let mut pace = interval(PACE);
     pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let width = frames.iter().map(|frame| frame.place.len()).max().unwrap_or(0);

@@ -1,6 +1,7 @@
 //! `roomsight health`: whether a service answers frames, for scripts and containers.
 
 use super::output::say;
+use crate::client::http;
 use anyhow::{Context, bail};
 use clap::Args;
 use std::time::Duration;
@@ -20,7 +21,7 @@ pub(super) fn run(args: &HealthArgs) -> anyhow::Result<()> {
     let url = format!("{}/readyz", args.url.trim_end_matches('/'));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let status = runtime.block_on(async {
-        let client = reqwest::Client::builder().timeout(PATIENCE).no_proxy().build()?;
+        let client = http(PATIENCE).build()?;
         client.get(&url).send().await.map(|response| response.status())
     });
     let status = status.with_context(|| format!("no answer from {url}"))?;

@@ -6,7 +6,7 @@ use crate::camera::{Camera, CameraKind, Projection};
 use crate::describe::Descriptor;
 use crate::detect::Keypoint;
 use crate::image::Image;
-use crate::model::{Addition, Extractor, LoadedModel, Scratch};
+use crate::model::{Extractor, LoadedModel, Scratch};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
@@ -65,24 +65,11 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     let mut add = |name: &str, value: String| {
         table.add_row([name.to_owned(), value]);
     };
-    if !card.description.is_empty() {
-        add("description", card.description.clone());
-    }
     add("rooms", model.places().join(", "));
     add("camera", camera_text(&model.camera().projection));
-    let simulated = if card.simulated { ", simulated" } else { "" };
-    add("trained on", format!("{} frames{simulated}: {}", card.n_frames, card.sequences.join(", ")));
-    for Addition { sequence, n_frames, forget, n_before, n_learned, n_left } in &card.additions {
-        let trade =
-            format!("{n_before} support vectors, then {n_learned}, {n_left} left at --forget {forget}");
-        add("added later", format!("{n_frames} frames: {sequence} ({trade})"));
-    }
-    for measured in &card.measured {
-        add("measured", format!("{:.4} of {} ({})", measured.rate, measured.n_frames, measured.data));
-    }
+    output::card_rows(card).into_iter().for_each(|(name, value)| add(name, value));
     add("known from probability", format!("{:.2}", model.known_probability()));
     add("support vectors", format!("{:?}", model.n_support_vectors()));
-    add("trained by", card.trained_by.clone());
     add("digest", digest.clone());
     say!("{table}\n\n{}", toml::to_string(model.config())?)?;
     Ok(())

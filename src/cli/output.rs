@@ -1,6 +1,7 @@
 //! What all commands share in what they print: progress bars and tables.
 
 use crate::evaluate::{Evaluation, Rate};
+use crate::model::{Addition, Card};
 use comfy_table::{Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::env;
@@ -65,6 +66,26 @@ pub fn table<H: Into<comfy_table::Row>>(header: H) -> Table {
         .remove_style(TableComponent::MiddleIntersections)
         .set_header(header);
     table
+}
+
+/// What a card says, as rows of a table.
+pub fn card_rows(card: &Card) -> Vec<(&'static str, String)> {
+    let mut rows = Vec::new();
+    if !card.description.is_empty() {
+        rows.push(("description", card.description.clone()));
+    }
+    let simulated = if card.simulated { ", simulated" } else { "" };
+    rows.push(("trained on", format!("{} frames{simulated}: {}", card.n_frames, card.sequences.join(", "))));
+    for Addition { sequence, n_frames, forget, n_before, n_learned, n_left } in &card.additions {
+        let trade =
+            format!("{n_before} support vectors, then {n_learned}, {n_left} left at --forget {forget}");
+        rows.push(("added later", format!("{n_frames} frames: {sequence} ({trade})")));
+    }
+    for measured in &card.measured {
+        rows.push(("measured", format!("{:.4} of {} ({})", measured.rate, measured.n_frames, measured.data)));
+    }
+    rows.push(("trained by", card.trained_by.clone()));
+    rows
 }
 
 /// Prints the rates and, for up to [`MAX_CONFUSION_PLACES`] rooms, the confusion matrix.

@@ -1,12 +1,14 @@
 //! `roomsight train`: labeled frames to a model folder.
 
 use super::data::{self, ConfigArgs, DataArgs};
+use super::models::{self, CacheArgs, Local};
 use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Evaluation;
 use crate::model::{
     Addition, Card, Extractor, GoldenFrame, HeldOut, Measurement, Model, Sample, Training, TrainingStep,
 };
+use crate::repository::VersionId;
 use crate::validate::{self, Answered};
 use anyhow::bail;
 use clap::Args;
@@ -14,6 +16,7 @@ use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use tempfile::TempDir;
 
 /// Frames kept with the model to tell that it still answers the same.
 const N_GOLDEN_FRAMES: usize = 8;
@@ -37,9 +40,18 @@ const DEFAULT_FORGET: f64 = 0.7;
 pub(super) struct TrainArgs {
     #[command(flatten)]
     data: DataArgs,
-    /// New folder for the model; serve finds models as MODELS/NAME/VERSION, such as models/lab/1
-    #[arg(short, long, value_name = "MODEL")]
-    output: PathBuf,
+    /// New folder for the model
+    #[arg(short, long, value_name = "MODEL", required_unless_present = "publish")]
+    output: Option<PathBuf>,
+    /// Instead: make the model the next version of --name in this repository, a folder or s3://BUCKET/PREFIX.
+    /// A service that runs on it lets it serve, unless its policy is manual
+    #[arg(long, value_name = "REPOSITORY", conflicts_with = "output", requires = "name")]
+    publish: Option<String>,
+    /// With --publish: the name of the model
+    #[arg(long, value_name = "NAME", requires = "publish", value_parser = models::name)]
+    name: Option<String>,
+    #[command(flatten)]
+    cache: CacheArgs,
     /// Add the frames to what this model has learned; its configuration, camera and words stay
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["config", "parameters", "mask", "camera"])]
     add: Option<PathBuf>,
@@ -65,6 +77,8 @@ pub(super) struct TrainArgs {
 #[derive(Serialize)]
 struct Report {
     model: PathBuf,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    published: Option<String>,
     card: Card,
     held_out: Evaluation,
 }
@@ -78,11 +92,15 @@ struct Trained {
     held_out: &'static str,
 }
 
+/// Where the model goes.
+enum Destination<'a> {
+    Folder(&'a Path),
+    Repository(Local, &'a str),
+}
+
 /// Trains, prints the held-out rates, writes the model.
 pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
-    if args.output.exists() {
-        bail!("{} exists already; a model never changes: choose another folder", args.output.display());
-    }
+    let destination = Destination::of(args)?;
     let trained = match &args.add {
         Some(folder) => add_to(folder, args)?,
         None => train(args)?,
@@ -98,10 +116,11 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     };
     let model = model.clone().with_card(card.clone()).with_transitions(transitions);
     let golden = if args.no_golden_frames { Vec::new() } else { golden_frames(&model, dataset, described) };
-    model.save(&args.output, &golden)?;
+    let (folder, published) = destination.take(&model, &golden)?;
 
     if args.json {
-        let report = Report { model: args.output.clone(), card, held_out: evaluation };
+        let published = published.map(|id| id.to_string());
+        let report = Report { model: folder, published, card, held_out: evaluation };
         say!("{}", serde_json::to_string_pretty(&report)?)?;
         return Ok(());
     }
@@ -112,11 +131,48 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     if args.add.is_some() {
         say!("\n{}", additions(&card.additions))?;
     }
-    let (program, folder) = (output::program(), output::quoted(&args.output));
-    say!("\n{} is ready. Try it:", args.output.display())?;
-    say!("  {program} recognize {folder} FRAME.jpg")?;
-    say!("  {program} serve --models {folder}")?;
+    let (program, quoted) = (output::program(), output::quoted(&folder));
+    let (ready, models) = match (&args.publish, published) {
+        (Some(repository), Some(id)) => (id.to_string(), output::quoted(Path::new(repository))),
+        _ => (folder.display().to_string(), quoted.clone()),
+    };
+    say!("\n{ready} is ready. Try it:")?;
+    say!("  {program} recognize {quoted} FRAME.jpg")?;
+    say!("  {program} serve --models {models}")?;
     Ok(())
+}
+
+impl<'a> Destination<'a> {
+    /// Seen to before the training, which takes long.
+    fn of(args: &'a TrainArgs) -> anyhow::Result<Self> {
+        match (&args.output, &args.publish, &args.name) {
+            (Some(folder), ..) if folder.exists() => {
+                bail!("{} exists already; a model never changes: choose another folder", folder.display())
+            }
+            (Some(folder), ..) => Ok(Self::Folder(folder)),
+            (None, Some(repository), Some(name)) => {
+                Ok(Self::Repository(Local::open_to_add(repository, &args.cache.models_cache)?, name))
+            }
+            _ => bail!("where does the model go? Give --output, or --publish and --name"),
+        }
+    }
+
+    /// Writes the model there; returns its folder and, in a repository, what it is called.
+    fn take(&self, model: &Model, golden: &[GoldenFrame]) -> anyhow::Result<(PathBuf, Option<VersionId>)> {
+        match self {
+            Self::Folder(folder) => {
+                model.save(folder, golden)?;
+                Ok((folder.to_path_buf(), None))
+            }
+            Self::Repository(repository, name) => {
+                let temporary = TempDir::new()?;
+                let folder = temporary.path().join(name);
+                model.save(&folder, golden)?;
+                let id = repository.push(&folder, name, None)?;
+                Ok((repository.folder(&id)?, Some(id)))
+            }
+        }
+    }
 }
 
 fn train(args: &TrainArgs) -> anyhow::Result<Trained> {

@@ -1,5 +1,6 @@
 //! Tells whether the files of a version are those that they were.
 
+use serde::{Deserialize, Serialize};
 use std::fs::{self, Metadata};
 use std::io;
 use std::path::Path;
@@ -10,7 +11,7 @@ const MAX_DEPTH: usize = 2;
 
 /// Changes when the files of a version do: made of their names, sizes and times of modification, or of a
 /// bucket's ETags.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Fingerprint(pub String);
 
 impl Fingerprint {

@@ -40,6 +40,10 @@ impl Folder {
         Ok(Self { root, _lock: lock })
     }
 
+    pub(super) fn root(&self) -> &Path {
+        &self.root
+    }
+
     pub(super) fn scan(&self) -> Result<Scan, RepositoryError> {
         let unreadable = |source| RepositoryError::Unreadable { location: self.root.clone(), source };
         let mut scan = Scan::default();

@@ -92,6 +92,16 @@ pub fn pack(folder: &Path, out: impl Write) -> io::Result<()> {
     builder.into_inner()?.flush()
 }
 
+/// Copies the files of a version into an empty folder.
+pub fn copy(folder: &Path, into: &Path) -> io::Result<()> {
+    for name in names(folder)? {
+        let to = into.join(&name);
+        fs::create_dir_all(to.parent().unwrap_or(into))?;
+        fs::copy(folder.join(&name), to)?;
+    }
+    Ok(())
+}
+
 /// The files of a version, as they are called in its folder, golden frames first: whoever copies them in
 /// this order has a complete version when `model.json` is there.
 pub(super) fn names(folder: &Path) -> io::Result<Vec<String>> {

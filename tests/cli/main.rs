@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+mod models;
+
 use serde_json::Value;
 use std::fs;
 use std::path::{Path, PathBuf};

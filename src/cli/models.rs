@@ -1,0 +1,356 @@
+//! `roomsight models`: what there is and what serves, in a repository or in a running service.
+
+mod local;
+mod print;
+
+pub(super) use local::Local;
+
+use super::output::say;
+use crate::client::Client;
+use crate::protocol::rest::{LabelJson, ModelInfo, VersionInfo};
+use crate::repository::package::pack;
+use crate::repository::{VersionId, is_name};
+use anyhow::{Context, bail};
+use clap::{Args, Subcommand, ValueEnum};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use tokio::runtime::Runtime;
+
+/// Show and change which models there are and which serve
+///
+/// In a repository (--models), or in a running service (--url). A service that runs on the repository
+/// follows what is changed there.
+#[derive(Args)]
+pub(super) struct ModelsArgs {
+    #[command(flatten)]
+    place: PlaceArgs,
+    /// Print JSON
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: ModelsCommand,
+}
+
+/// Where the models are.
+#[derive(Args)]
+struct PlaceArgs {
+    #[command(flatten)]
+    repository: RepositoryArgs,
+    /// A running service, instead of a repository, such as http://127.0.0.1:8080
+    #[arg(long, global = true, value_name = "URL", conflicts_with = "models")]
+    url: Option<String>,
+    /// A key of the service
+    #[arg(long, global = true, value_name = "KEY", env = "ROOMSIGHT_KEY", hide_env_values = true)]
+    key: Option<String>,
+}
+
+/// A repository.
+#[derive(Args)]
+pub(super) struct RepositoryArgs {
+    /// The repository: a folder with each model as NAME/VERSION/ in it, or s3://BUCKET/PREFIX
+    #[arg(long, global = true, value_name = "DIR", default_value = "models")]
+    models: String,
+    #[command(flatten)]
+    cache: CacheArgs,
+}
+
+/// Where models from a bucket are kept.
+#[derive(Args)]
+pub(super) struct CacheArgs {
+    /// Where models from a bucket are kept
+    #[arg(long, global = true, value_name = "DIR", default_value = "models-cache")]
+    #[arg(env = "ROOMSIGHT_MODELS_CACHE")]
+    pub models_cache: PathBuf,
+}
+
+/// What to do.
+#[derive(Subcommand)]
+enum ModelsCommand {
+    /// List the models, their versions, and what these serve as
+    List,
+    /// Show one model, or one version with its card
+    Show {
+        /// NAME or NAME/VERSION
+        target: Target,
+    },
+    /// Add a version: it is tried first, and never changes after
+    Push {
+        /// The model's folder, as train writes it
+        folder: PathBuf,
+        /// NAME, for the next number, or NAME/VERSION
+        target: Target,
+    },
+    /// Let a version serve
+    Activate {
+        /// The version
+        #[arg(value_name = "NAME/VERSION")]
+        id: VersionId,
+        #[command(flatten)]
+        expected: Expected,
+    },
+    /// Let the version serve that served before
+    Rollback {
+        /// The model
+        #[arg(value_parser = name)]
+        name: String,
+        #[command(flatten)]
+        expected: Expected,
+    },
+    /// Load versions and let them answer their golden frames, in a repository
+    Verify {
+        /// NAME or NAME/VERSION [default: all there are]
+        target: Option<Target>,
+    },
+    /// Remove a version that does not serve
+    Delete {
+        /// The version
+        #[arg(value_name = "NAME/VERSION")]
+        id: VersionId,
+        #[command(flatten)]
+        expected: Expected,
+    },
+    /// Try a version on a share of the robots (canary), or beside the stable one (shadow)
+    Label(LabelArgs),
+}
+
+/// A label, and what is to carry it.
+#[derive(Args)]
+struct LabelArgs {
+    /// The label
+    label: Label,
+    /// NAME/VERSION, or NAME with --remove
+    target: Target,
+    /// Of a canary: the share of the robots that it answers, above 0 and below 1
+    #[arg(long, value_name = "SHARE", conflicts_with = "remove")]
+    share: Option<f64>,
+    /// Take the label away
+    #[arg(long)]
+    remove: bool,
+    #[command(flatten)]
+    expected: Expected,
+}
+
+/// A label that a version gets beside the stable one.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Label {
+    /// Answers a share of the robots
+    Canary,
+    /// Sees what the stable version sees, and answers nobody
+    Shadow,
+}
+
+/// What a change builds on.
+#[derive(Args)]
+struct Expected {
+    /// Do nothing unless the model's epoch, which `show` tells, is still this
+    #[arg(long, value_name = "N")]
+    epoch: Option<u64>,
+}
+
+/// `NAME` or `NAME/VERSION`.
+#[derive(Clone)]
+struct Target {
+    name: String,
+    version: Option<u64>,
+}
+
+/// A repository or a service.
+enum Place {
+    Local(Local),
+    Service(Client, Runtime),
+}
+
+/// Does it, and prints what is then so.
+pub(super) fn run(args: &ModelsArgs) -> anyhow::Result<()> {
+    let place = Place::open(args)?;
+    let json = args.json;
+    match &args.command {
+        ModelsCommand::List => tell(json, &place.list()?, |models| print::models(models)),
+        ModelsCommand::Show { target: Target { name, version: None } } => {
+            tell(json, &place.model(name)?, print::model)
+        }
+        ModelsCommand::Show { target: Target { name, version: Some(version) } } => {
+            let id = VersionId::new(name, *version);
+            tell(json, &place.version(&id)?, |version| print::version(&id, version))
+        }
+        ModelsCommand::Push { folder, target } => {
+            let id = place.push(folder, target)?;
+            tell_done(json, &id, "is there; let it serve with `models activate`")
+        }
+        ModelsCommand::Activate { id, expected } => {
+            place.activate(id, expected.epoch)?;
+            tell_done(json, id, "serves")
+        }
+        ModelsCommand::Rollback { name, expected } => {
+            let version = place.rollback(name, expected.epoch)?.serving;
+            let version = version.context("nothing serves after the rollback")?;
+            tell_done(json, &VersionId::new(name, version), "serves")
+        }
+        ModelsCommand::Verify { target } => place.verify(json, target.as_ref()),
+        ModelsCommand::Delete { id, expected } => {
+            place.delete(id, expected.epoch)?;
+            tell_done(json, id, "is gone")
+        }
+        ModelsCommand::Label(args) => tell(json, &place.label(args)?, print::model),
+    }
+}
+
+impl Place {
+    fn open(args: &ModelsArgs) -> anyhow::Result<Self> {
+        let PlaceArgs { repository, url, key } = &args.place;
+        let Some(url) = url else {
+            let adds = matches!(args.command, ModelsCommand::Push { .. });
+            let open = if adds { Local::open_to_add } else { Local::open };
+            return Ok(Self::Local(open(&repository.models, &repository.cache.models_cache)?));
+        };
+        let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
+        Ok(Self::Service(Client::new(url, key.as_deref())?, runtime))
+    }
+
+    fn list(&self) -> anyhow::Result<Vec<ModelInfo>> {
+        match self {
+            Self::Local(local) => local.list(),
+            Self::Service(client, runtime) => Ok(runtime.block_on(client.models())?.models),
+        }
+    }
+
+    fn model(&self, name: &str) -> anyhow::Result<ModelInfo> {
+        match self {
+            Self::Local(local) => local.model(name),
+            Self::Service(client, runtime) => Ok(runtime.block_on(client.model(name))?),
+        }
+    }
+
+    fn version(&self, id: &VersionId) -> anyhow::Result<VersionInfo> {
+        match self {
+            Self::Local(local) => local.version(id),
+            Self::Service(client, runtime) => Ok(runtime.block_on(client.version(id))?),
+        }
+    }
+
+    fn push(&self, folder: &Path, Target { name, version }: &Target) -> anyhow::Result<VersionId> {
+        match self {
+            Self::Local(local) => local.push(folder, name, *version),
+            Self::Service(client, runtime) => {
+                let mut body = Vec::new();
+                pack(folder, &mut body).with_context(|| folder.display().to_string())?;
+                let next = || -> anyhow::Result<u64> {
+                    let models = runtime.block_on(client.models())?.models;
+                    let highest = models.iter().find(|model| model.name == *name).map(highest_version);
+                    Ok(highest.unwrap_or(0) + 1)
+                };
+                let id = VersionId::new(name, version.map_or_else(next, Ok)?);
+                runtime.block_on(client.upload(&id, body))?;
+                Ok(id)
+            }
+        }
+    }
+
+    fn activate(&self, id: &VersionId, epoch: Option<u64>) -> anyhow::Result<()> {
+        match self {
+            Self::Local(local) => local.activate(id, epoch),
+            Self::Service(client, runtime) => {
+                runtime.block_on(client.activate(id, epoch))?;
+                Ok(())
+            }
+        }
+    }
+
+    fn rollback(&self, name: &str, epoch: Option<u64>) -> anyhow::Result<ModelInfo> {
+        match self {
+            Self::Local(local) => local.rollback(name, epoch),
+            Self::Service(client, runtime) => Ok(runtime.block_on(client.rollback(name, epoch))?),
+        }
+    }
+
+    fn delete(&self, id: &VersionId, epoch: Option<u64>) -> anyhow::Result<()> {
+        match self {
+            Self::Local(local) => local.delete(id, epoch),
+            Self::Service(client, runtime) => Ok(runtime.block_on(client.delete(id, epoch))?),
+        }
+    }
+
+    fn label(&self, args: &LabelArgs) -> anyhow::Result<ModelInfo> {
+        let LabelArgs { label, target: Target { name, version }, share, remove, expected } = args;
+        let given = match (version, remove) {
+            (Some(_), false) if share.is_some() != (*label == Label::Canary) => {
+                bail!("a canary needs a --share of the robots; a shadow answers none")
+            }
+            (Some(version), false) => Some(LabelJson { version: *version, share: *share }),
+            (None, true) => None,
+            (None, false) => {
+                bail!("which version of {name}? Give it as {name}/VERSION, or --remove the label")
+            }
+            (Some(_), true) => bail!("--remove takes the label from whatever has it: give {name} alone"),
+        };
+        match self {
+            Self::Local(local) => local.label((name, *label), given, expected.epoch),
+            Self::Service(client, runtime) => {
+                let label = (name.as_str(), label.name());
+                Ok(match given {
+                    Some(given) => runtime.block_on(client.set_label(label, &given, expected.epoch))?,
+                    None => runtime.block_on(client.remove_label(label, expected.epoch))?,
+                })
+            }
+        }
+    }
+
+    fn verify(&self, json: bool, target: Option<&Target>) -> anyhow::Result<()> {
+        let Self::Local(local) = self else {
+            bail!("a service tries versions itself: `models list` tells those that failed, and why");
+        };
+        let verdicts = local.verify(target)?;
+        let n_failed = verdicts.iter().filter(|verdict| verdict.failure.is_some()).count();
+        tell(json, &verdicts, |verdicts| print::verdicts(verdicts))?;
+        if n_failed > 0 {
+            bail!("{n_failed} of {} versions would not serve", verdicts.len());
+        }
+        Ok(())
+    }
+}
+
+impl Label {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Canary => "canary",
+            Self::Shadow => "shadow",
+        }
+    }
+}
+
+impl std::str::FromStr for Target {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if is_name(text) {
+            return Ok(Self { name: text.to_owned(), version: None });
+        }
+        let VersionId { name, version } =
+            text.parse().map_err(|_| "give NAME or NAME/VERSION, such as lab/3".to_owned())?;
+        Ok(Self { name, version: Some(version) })
+    }
+}
+
+/// Reads the name of a model.
+pub(super) fn name(text: &str) -> Result<String, String> {
+    let wrong = || "a name has letters, digits, - _ and dots inside".to_owned();
+    is_name(text).then(|| text.to_owned()).ok_or_else(wrong)
+}
+
+/// The highest version that a model has.
+fn highest_version(model: &ModelInfo) -> u64 {
+    model.versions.iter().map(|version| version.version).max().unwrap_or(0)
+}
+
+fn tell<T: Serialize>(
+    json: bool,
+    told: &T,
+    print: impl FnOnce(&T) -> anyhow::Result<()>,
+) -> anyhow::Result<()> {
+    if json { Ok(say!("{}", serde_json::to_string_pretty(told)?)?) } else { print(told) }
+}
+
+fn tell_done(json: bool, id: &VersionId, what: &str) -> anyhow::Result<()> {
+    let VersionId { name, version } = id;
+    tell(json, &serde_json::json!({"model": name, "version": version}), |_| Ok(say!("{id} {what}")?))
+}
