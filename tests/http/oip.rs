@@ -261,6 +261,8 @@ async fn keys_open_what_their_role_may() {
             }
         }
     }
+    let unload = server.post("/v2/repository/models/lab/unload", Vec::new()).bearer_auth(&viewer);
+    refused(unload.send().await.unwrap(), 403, "role").await;
     refused(server.get("/v2").send().await.unwrap(), 401, "key").await;
     success(server.get("/v2/health/ready").send().await.unwrap()).await;
     let head = format!("POST {INFER} HTTP/1.1\r\nhost: x\r\ncontent-length: 1000000\r\n\r\n");
