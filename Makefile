@@ -29,12 +29,12 @@ test-python: tools
 	  cargo build --tests && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
 	  cargo test --lib repository::bucket; \
 	else \
-	  echo "LEFT OUT: the tests of the Python client and of buckets. They take python3 with venv, and its packages from an index." >&2; \
+	  echo "LEFT OUT: the tests of the Python client, of Triton's and of buckets. They take python3 with venv, and its packages from an index." >&2; \
 	fi
 
 $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 ./clients/python $(MOTO)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO)
 	@touch $(STAMP)
 
 bench: tools ## milliseconds a frame, step by step

@@ -10,6 +10,7 @@ mod experiment;
 mod health;
 mod inspect;
 mod key;
+mod log;
 mod models;
 mod output;
 mod recognize;

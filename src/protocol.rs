@@ -6,8 +6,10 @@
 //! | [`stream`] | the messages of a stream, `roomsight.v1` over a WebSocket |
 //! | [`header`] | the optional header of a streamed frame |
 //! | [`event`] | what dashboards are told |
+//! | [`oip`] | the Open Inference Protocol |
 
 pub mod event;
 pub mod header;
+pub mod oip;
 pub mod rest;
 pub mod stream;

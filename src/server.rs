@@ -10,13 +10,17 @@
 //! | `routes` | the paths, grouped by who may call them |
 //! | `auth` | keys and roles, checked before a byte of the body is read |
 //! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
+//! | `answers` | the frames of one request, admitted and answered together |
 //! | `recognize` | the one path from bytes to an answer |
 //! | `pool` | the threads that recognize, and the bounded queue before them |
 //! | `registry` | the models that serve; see there |
 //! | `models`, `upload` | the calls about them; a version that comes in |
 //! | `watch` | looking for what is new among them |
 //! | `stream` | frames over a WebSocket; see there |
+//! | `oip` | the Open Inference Protocol, `/v2` |
 //! | `events`, `robots` | what dashboards are told |
+//! | `metrics` | what is counted and measured, for Prometheus |
+//! | `trace` | the caller's trace, which a request's spans belong to |
 //! | `problem` | every error a caller can see; the only place with status codes |
 //! | `api`, `openapi`, `asyncapi` | what travels, and its description |
 //! | `linger` | reading on after an early answer |
@@ -25,6 +29,7 @@
 //! `recognize` → a thread of `pool`: decode, features, classify → `api::Answer` or
 //! `problem::Problem`.
 
+mod answers;
 mod api;
 mod asyncapi;
 mod auth;
@@ -32,8 +37,10 @@ mod body;
 mod events;
 mod linger;
 mod listen;
+mod metrics;
 mod models;
 mod observe;
+mod oip;
 mod openapi;
 mod pool;
 mod problem;
@@ -44,6 +51,7 @@ mod robots;
 mod routes;
 mod settings;
 mod stream;
+mod trace;
 mod upload;
 mod watch;
 
@@ -54,6 +62,7 @@ pub use registry::RegistryError;
 pub use routes::{document, router};
 pub use settings::{LogFormat, Policy, Settings, SettingsError};
 
+use self::metrics::Metrics;
 use crate::repository::Repository;
 use events::Events;
 use observe::RequestIds;
@@ -79,6 +88,7 @@ pub struct AppState {
     request_ids: RequestIds,
     streams: Streams,
     events: Events,
+    metrics: Arc<Metrics>,
     stopping: CancellationToken,
 }
 
@@ -91,6 +101,9 @@ pub enum StartError {
     /// No threads.
     #[error("the recognizing threads cannot be started: {0}")]
     Threads(#[from] rayon::ThreadPoolBuildError),
+    /// No metrics.
+    #[error("the metrics cannot be set up: {0}")]
+    Metrics(#[from] metrics_exporter_prometheus::BuildError),
 }
 
 impl App {
@@ -98,14 +111,16 @@ impl App {
     pub fn start(settings: Settings) -> Result<Self, StartError> {
         let location = settings.models.to_string_lossy();
         let repository = Repository::open(&location, &settings.models_cache).map_err(RegistryError::from)?;
-        let events = Events::default();
+        let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
+        let registry = Registry::open(repository, &settings, (events.clone(), metrics.clone()))?;
         Ok(Self(Arc::new(AppState {
-            registry: Registry::open(repository, &settings, events.clone())?,
+            registry,
             pool: Pool::new(settings.n_threads(), settings.queue)?,
             body_memory: Arc::new(Semaphore::new(settings.max_buffered_bytes)),
             request_ids: RequestIds::new(),
             streams: Streams::new(settings.max_streams),
             events,
+            metrics,
             stopping: CancellationToken::new(),
             settings,
         })))

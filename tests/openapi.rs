@@ -74,13 +74,18 @@ fn every_call_says_what_can_go_wrong() {
     let document = parsed();
     for (name, operation) in operations(&document) {
         let responses = operation["responses"].as_object().unwrap();
-        assert!(responses.contains_key("200") || responses.contains_key("101"), "{name}");
+        let successes = ["200", "201", "204", "101"];
+        assert!(successes.iter().any(|status| responses.contains_key(*status)), "{name}");
+        let (media_type, schema) = match name.contains("/v2") {
+            false => ("application/problem+json", "#/components/schemas/ProblemBody"),
+            true => ("application/json", "#/components/schemas/ErrorBody"),
+        };
         for (status, response) in responses.iter().filter(|(status, _)| status.as_str() >= "400") {
-            let schema = &response["content"]["application/problem+json"]["schema"]["$ref"];
-            assert_eq!(schema, "#/components/schemas/ProblemBody", "{name} {status}");
+            assert_eq!(response["content"][media_type]["schema"]["$ref"], schema, "{name} {status}");
         }
         let needs_key = operation.get("security").is_some();
-        assert_eq!(needs_key, name.contains("/v1/"), "{name}");
+        let of_v2 = name.contains("/v2") && !name.contains("/health/");
+        assert_eq!(needs_key, name.contains("/v1/") || of_v2 || name.ends_with("/metrics"), "{name}");
         assert_eq!(needs_key, responses.contains_key("401") && responses.contains_key("403"), "{name}");
     }
     let recognize = &document["paths"]["/v1/recognize"]["post"]["responses"];

@@ -1,15 +1,14 @@
 //! `roomsight serve`: the HTTP service.
 
+use super::log;
 use super::output::say;
-use crate::server::{self, App, LogFormat, Settings};
+use crate::server::{self, App, Settings};
 use anyhow::{Context, bail};
 use clap::Args;
 use std::collections::HashMap;
-use std::io::{IsTerminal, stderr};
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use tokio::net::TcpListener;
-use tracing_subscriber::EnvFilter;
 
 /// Serve models over HTTP
 ///
@@ -57,7 +56,7 @@ pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
         say!("{}", settings.to_toml()?.trim_end())?;
         return Ok(());
     }
-    start_log(&settings)?;
+    let log = log::start(&settings)?;
     let address = permitted_address(&settings)?;
     let app = App::start(settings)?;
     let runtime = tokio::runtime::Runtime::new()?;
@@ -68,6 +67,7 @@ pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
     });
     // A model that is still being loaded is not waited for.
     runtime.shutdown_background();
+    log.end();
     served
 }
 
@@ -104,19 +104,6 @@ fn flags(args: &ServeArgs) -> HashMap<String, String> {
         flags.extend(value.map(|value| (name.to_owned(), value)));
     }
     flags
-}
-
-fn start_log(settings: &Settings) -> anyhow::Result<()> {
-    let filter: EnvFilter = settings
-        .log_level
-        .parse()
-        .with_context(|| format!("the setting `log_level` is wrong: {:?}", settings.log_level))?;
-    let lines = tracing_subscriber::fmt().with_env_filter(filter).with_writer(stderr);
-    match settings.log_format {
-        LogFormat::Human => lines.with_target(false).with_ansi(stderr().is_terminal()).init(),
-        LogFormat::Json => lines.json().flatten_event(true).with_span_list(false).init(),
-    }
-    Ok(())
 }
 
 /// Where to listen. Without keys others must not reach the service unless that was asked for.

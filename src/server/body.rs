@@ -14,12 +14,14 @@ use axum::http::{HeaderMap, header};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use http_body_util::BodyExt;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
-/// Bytes of a form or of JSON beside the frame.
+/// Bytes of a form or of JSON beside the frame, or of JSON without one.
 const ENVELOPE_BYTES: usize = 16 << 10;
 /// The most that is allocated because a caller said how long a body will be.
 const MAX_TRUSTED_BYTES: usize = 256 << 10;
@@ -43,6 +45,11 @@ impl Frame {
     pub fn hold(bytes: Bytes, memory: &Arc<Semaphore>) -> Result<Self, BodyError> {
         let held = Arc::new(take(memory, bytes.len())?);
         Ok(Self { bytes, held })
+    }
+
+    /// Bytes that are a part of these, or were decoded from them: they share their memory.
+    pub fn part(&self, bytes: Bytes) -> Self {
+        Self { bytes, held: self.held.clone() }
     }
 }
 
@@ -73,6 +80,9 @@ pub enum BodyError {
     /// A type that is not read here.
     #[error("the type {0:?} is not read here; send {1}")]
     UnsupportedType(String, &'static str),
+    /// Compressed.
+    #[error("a body with the Content-Encoding {0:?} is not read here; send it as it is")]
+    Encoded(String),
     /// Not what its type says.
     #[error("{0}")]
     Malformed(String),
@@ -138,27 +148,44 @@ impl FromRequest<App> for Frames {
     }
 }
 
-/// Admits a request and reads its body: size as declared, a free slot, then the bytes.
-async fn read(app: &App, mut request: Request, limit: usize) -> Result<(Request, Frame), Problem> {
-    let body = std::mem::take(request.body_mut());
-    let declared = usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX);
-    if declared > limit {
+/// Admits a request with frames and reads its body: size as declared, a free slot, then the bytes.
+pub async fn read(app: &App, request: Request, limit: usize) -> Result<(Request, Frame), Problem> {
+    if declared(request.body()) > limit {
         return Err(BodyError::TooLarge { limit }.into());
     }
     if app.is_draining() {
         return Err(Problem::Draining);
     }
     app.pool.has_room()?;
-    let patience = app.settings.body_timeout();
-    let frame = timeout(patience, collect(body, limit, &app.body_memory))
-        .await
-        .map_err(|_| BodyError::Slow(patience))??;
+    let (request, frame) = receive(app, request, limit).await?;
     if frame.bytes.is_empty() { Err(BodyError::Empty.into()) } else { Ok((request, frame)) }
+}
+
+/// Reads the body of a request without frames: a little JSON; its default where there is none.
+pub async fn read_json<T: DeserializeOwned + Default>(app: &App, request: Request) -> Result<T, BodyError> {
+    let (_, body) = receive(app, request, ENVELOPE_BYTES).await?;
+    if body.bytes.is_empty() { Ok(T::default()) } else { from_json(&body.bytes) }
+}
+
+/// Reads a body of at most `limit` bytes, within time.
+async fn receive(app: &App, mut request: Request, limit: usize) -> Result<(Request, Frame), BodyError> {
+    if let Some(encoding) = request.headers().get(header::CONTENT_ENCODING).filter(|&it| it != "identity") {
+        return Err(BodyError::Encoded(String::from_utf8_lossy(encoding.as_bytes()).into_owned()));
+    }
+    let body = std::mem::take(request.body_mut());
+    let patience = app.settings.body_timeout();
+    let received = timeout(patience, collect(body, limit, &app.body_memory)).await;
+    Ok((request, received.map_err(|_| BodyError::Slow(patience))??))
+}
+
+/// How long a caller says that a body will be, at least.
+fn declared(body: &Body) -> usize {
+    usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX)
 }
 
 /// Reads a body of at most `limit` bytes, each byte of which is taken from `memory` as it comes.
 async fn collect(mut body: Body, limit: usize, memory: &Arc<Semaphore>) -> Result<Frame, BodyError> {
-    let declared = usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX);
+    let declared = declared(&body);
     let mut held = take(memory, 0)?;
     // A body that comes in one piece is not copied.
     let mut whole = Bytes::new();
@@ -240,10 +267,14 @@ fn only(mut frames: Vec<Frame>) -> Result<Frame, BodyError> {
 }
 
 fn json_frame(body: &[u8]) -> Result<Bytes, BodyError> {
-    let text: FrameJson = serde_json::from_slice(body)
-        .map_err(|error| BodyError::Malformed(format!("the JSON cannot be read: {error}")))?;
+    let text: FrameJson = from_json(body)?;
     let bytes = BASE64_STANDARD
         .decode(text.frame.as_bytes())
         .map_err(|error| BodyError::Malformed(format!("`frame` is not base64: {error}")))?;
     if bytes.is_empty() { Err(BodyError::Empty) } else { Ok(bytes.into()) }
+}
+
+fn from_json<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, BodyError> {
+    serde_json::from_slice(body)
+        .map_err(|error| BodyError::Malformed(format!("the JSON cannot be read: {error}")))
 }

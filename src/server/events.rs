@@ -28,9 +28,14 @@ impl Default for Events {
 }
 
 impl Events {
+    /// How many listen.
+    pub fn n_readers(&self) -> usize {
+        self.0.receiver_count()
+    }
+
     /// Tells all readers; where there are none the event is not even made. Never waits.
     pub fn tell(&self, event: impl FnOnce() -> Event) {
-        if self.0.receiver_count() > 0 {
+        if self.n_readers() > 0 {
             let _ = self.0.send(Arc::new(event()));
         }
     }
@@ -54,6 +59,9 @@ pub async fn events(State(app): State<App>) -> impl IntoResponse {
             event = next(&mut reader) => event?,
             () = app.stopping.cancelled() => return None,
         };
+        if let Event::Lost { events } = *event {
+            app.metrics.events_lost(events);
+        }
         Some((Ok::<_, Infallible>(as_sent(&event)), (reader, app)))
     });
     Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))

@@ -32,7 +32,13 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         listener,
         stopped,
     };
-    tokio::spawn(watch(app.clone()));
+    // They end with this call, as all tasks of a set do that is dropped.
+    let mut aside = JoinSet::new();
+    aside.spawn(watch(app.clone()));
+    aside.spawn({
+        let app = app.clone();
+        async move { match app.metrics.tidy().await {} }
+    });
     let mut connections = JoinSet::new();
     tokio::select! {
         never = acceptor.run(&mut connections, Life::UntilStop) => match never {},

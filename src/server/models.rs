@@ -189,7 +189,7 @@ pub async fn rollback(
     put, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
     params(
         ("name" = String, Path, description = "The model's name"),
-        ("label" = Label, Path, description = "The label"),
+        ("label" = inline(Label), Path, description = "The label"),
         ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
     ), request_body(content = LabelJson),
     responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)
@@ -221,7 +221,7 @@ pub async fn set_label(
     delete, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
     params(
         ("name" = String, Path, description = "The model's name"),
-        ("label" = Label, Path, description = "The label"),
+        ("label" = inline(Label), Path, description = "The label"),
         ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
     ),
     responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)

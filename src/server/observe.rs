@@ -2,7 +2,8 @@
 
 use super::App;
 use super::linger::linger;
-use super::problem::Problem;
+use super::problem::{ErrorForm, Problem};
+use super::trace::TraceParent;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderName, HeaderValue, header};
 use axum::middleware::Next;
@@ -15,6 +16,8 @@ use std::time::Instant;
 use tracing::field::Empty;
 use tracing::{Instrument, info_span};
 
+/// The route of requests that match none.
+const NO_ROUTE: &str = "(none)";
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const MAX_ID_BYTES: usize = 64;
 /// What the documentation page needs, and nothing from elsewhere.
@@ -57,18 +60,24 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     let given = request.headers().get(&REQUEST_ID).and_then(usable_id);
     let context =
         RequestContext { id: given.unwrap_or_else(|| app.request_ids.next()), arrived: Instant::now() };
+    let form = ErrorForm::of(request.uri().path());
     let route = request.extensions().get::<MatchedPath>().cloned();
-    let route = route.as_ref().map_or("(none)", MatchedPath::as_str);
+    let method = request.method().clone();
+    let route_name = || route.as_ref().map_or(NO_ROUTE, MatchedPath::as_str);
     let span = info_span!(
-        "request", request_id = %context.id, method = %request.method(), route,
+        "request", request_id = %context.id, %method, route = route_name(), trace_id = Empty,
         key = Empty, robot = Empty, model = Empty
     );
-    async move {
+    if let Some(parent) = TraceParent::of(request.headers()) {
+        parent.adopt(&span);
+    }
+    async {
         let mut request = linger(request);
         request.extensions_mut().insert(context.clone());
-        let response = complete(next.run(request).await, &context);
-        let ms = context.arrived.elapsed().as_micros() as f64 / 1e3;
-        tracing::info!(status = response.status().as_u16(), ms, "answered");
+        let response = complete(next.run(request).await, &context, form);
+        let (status, took) = (response.status(), context.arrived.elapsed());
+        app.metrics.answered(route_name(), &method, (status, took));
+        tracing::info!(status = status.as_u16(), ms = took.as_micros() as f64 / 1e3, "answered");
         response
     }
     .instrument(span)
@@ -80,12 +89,12 @@ pub fn panicked(_: Box<dyn Any + Send>) -> Response {
     Problem::Framework(axum::http::StatusCode::INTERNAL_SERVER_ERROR).into_response()
 }
 
-fn complete(mut response: Response, context: &RequestContext) -> Response {
+fn complete(mut response: Response, context: &RequestContext, form: ErrorForm) -> Response {
     let status = response.status();
     if let Some(problem) = response.extensions_mut().remove::<Arc<Problem>>() {
-        response = problem.render(response, &context.id);
+        response = problem.render(response, &context.id, form);
     } else if status.is_client_error() || status.is_server_error() {
-        response = Problem::Framework(status).render(response, &context.id);
+        response = Problem::Framework(status).render(response, &context.id, form);
     }
     let headers = response.headers_mut();
     if let Ok(id) = HeaderValue::from_str(&context.id) {

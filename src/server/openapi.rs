@@ -1,6 +1,7 @@
 //! The OpenAPI document, made from the handlers and the kinds of problem.
 
-use super::problem::{Kind, MEDIA_TYPE};
+use super::problem::{ErrorForm, Kind};
+use crate::protocol::oip::ErrorBody;
 use crate::protocol::rest::ProblemBody;
 use axum::http::header::RETRY_AFTER;
 use std::collections::BTreeMap;
@@ -17,17 +18,18 @@ const KEY: &str = "key";
     info(
         title = "roomsight",
         description = "Tells a robot which room it is in: one frame in, the rooms with their \
-            probabilities out. Every error is `application/problem+json`; what to do about it is in \
-            its `detail`. An answer names its request in `request_id` and in `X-Request-Id`, which a \
+            probabilities out. Every error is `application/problem+json`, under `/v2` an object with \
+            an `error`; its text says what to do about it. An answer names its request in `request_id` and in `X-Request-Id`, which a \
             caller may also send."
     ),
     tags(
         (name = "recognize", description = "Frames to rooms"),
         (name = "dashboards", description = "Who streams, and what happens"),
         (name = "models", description = "What recognizes them"),
-        (name = "health", description = "Whether the service works")
+        (name = "health", description = "Whether the service works"),
+        (name = "inference", description = "The Open Inference Protocol, for clients that speak it already")
     ),
-    components(schemas(ProblemBody)),
+    components(schemas(ProblemBody, ErrorBody)),
     modifiers(&Key)
 )]
 pub struct Description;
@@ -89,19 +91,7 @@ pub struct PathProblems;
 
 impl IntoResponses for FrameProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        let concerns_others = |kind: &Kind| {
-            matches!(
-                kind,
-                Kind::NotFound
-                    | Kind::MethodNotAllowed
-                    | Kind::NoWebSocket
-                    | Kind::Conflict
-                    | Kind::StaleEpoch
-                    | Kind::NotAModel
-                    | Kind::NoRepository
-            )
-        };
-        responses(Kind::ALL.into_iter().filter(|kind| !concerns_others(kind)))
+        responses(ErrorForm::Problem, frame_kinds())
     }
 }
 
@@ -166,29 +156,52 @@ impl IntoResponses for StreamProblems {
 
 impl IntoResponses for ReadyProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses([Kind::Draining, Kind::NoModel])
+        responses(ErrorForm::Problem, [Kind::Draining, Kind::NoModel])
     }
 }
 
 impl IntoResponses for PathProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses([Kind::NotFound])
+        responses(ErrorForm::Problem, [Kind::NotFound])
     }
+}
+
+/// What can go wrong with frames.
+pub fn frame_kinds() -> impl Iterator<Item = Kind> {
+    let concerns_others = |kind: &Kind| {
+        matches!(
+            kind,
+            Kind::NotFound
+                | Kind::MethodNotAllowed
+                | Kind::NoWebSocket
+                | Kind::Conflict
+                | Kind::StaleEpoch
+                | Kind::NotAModel
+                | Kind::NoRepository
+        )
+    };
+    Kind::ALL.into_iter().filter(move |kind| !concerns_others(kind))
 }
 
 /// What can go wrong with any call that takes a key, and what else.
 fn keyed<const N: usize>(others: [Kind; N]) -> BTreeMap<String, RefOr<Response>> {
-    responses([Kind::Unauthorized, Kind::Forbidden].into_iter().chain(others))
+    responses(ErrorForm::Problem, [Kind::Unauthorized, Kind::Forbidden].into_iter().chain(others))
 }
 
 /// One response a status, its kinds described together.
-fn responses(kinds: impl IntoIterator<Item = Kind>) -> BTreeMap<String, RefOr<Response>> {
+pub fn responses(
+    form: ErrorForm,
+    kinds: impl IntoIterator<Item = Kind>,
+) -> BTreeMap<String, RefOr<Response>> {
     let mut texts: BTreeMap<u16, Vec<String>> = BTreeMap::new();
     for kind in kinds {
         let text = format!("{} (`{}`): {}.", kind.title(), kind.uri(), kind.advice());
         texts.entry(kind.status().as_u16()).or_default().push(text);
     }
-    let schema = || Content::new(Some(Ref::from_schema_name(ProblemBody::name())));
+    let schema = match form {
+        ErrorForm::Problem => ProblemBody::name(),
+        ErrorForm::Oip => ErrorBody::name(),
+    };
     texts
         .into_iter()
         .map(|(status, texts)| {
@@ -198,7 +211,8 @@ fn responses(kinds: impl IntoIterator<Item = Kind>) -> BTreeMap<String, RefOr<Re
                     HeaderBuilder::new().description(Some("Seconds until a slot is likely to be free"));
                 response.headers.insert(RETRY_AFTER.to_string(), RefOr::T(wait.build()));
             }
-            response.content.insert(MEDIA_TYPE.to_owned(), RefOr::T(schema()));
+            let content = Content::new(Some(Ref::from_schema_name(schema.clone())));
+            response.content.insert(form.media_type().to_owned(), RefOr::T(content));
             (status.to_string(), RefOr::T(response))
         })
         .collect()

@@ -1,7 +1,7 @@
 //! The threads that recognize, and the bounded queue before them.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, oneshot};
 
@@ -18,6 +18,22 @@ pub struct Pool {
     slots: Arc<Semaphore>,
     n_slots: usize,
     service_time: Arc<ServiceTime>,
+    jobs: Arc<Jobs>,
+}
+
+/// How much a pool has to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Load {
+    /// Its threads.
+    pub n_threads: usize,
+    /// Jobs that run.
+    pub n_running: usize,
+    /// Jobs that wait for a thread.
+    pub n_waiting: usize,
+    /// All slots.
+    pub n_slots: usize,
+    /// Those that are taken.
+    pub n_slots_in_use: usize,
 }
 
 /// The right to one place in the queue, given back when the job ends or the slot is dropped.
@@ -53,7 +69,19 @@ impl Pool {
             slots: Arc::new(Semaphore::new(n_slots)),
             n_slots,
             service_time: Arc::new(ServiceTime(AtomicU64::new(FIRST_GUESS.as_nanos() as u64))),
+            jobs: Arc::default(),
         })
+    }
+
+    /// How much there is to do right now.
+    pub fn load(&self) -> Load {
+        Load {
+            n_threads: self.threads.current_num_threads(),
+            n_running: self.jobs.n_running.load(Ordering::Relaxed),
+            n_waiting: self.jobs.n_waiting.load(Ordering::Relaxed),
+            n_slots: self.n_slots,
+            n_slots_in_use: self.n_slots_in_use(),
+        }
     }
 
     /// Takes a slot for each of `n_jobs`, or none.
@@ -81,7 +109,7 @@ impl Pool {
     {
         let (sender, receiver) = oneshot::channel();
         let service_time = self.service_time.clone();
-        self.threads.spawn_fifo(move || {
+        self.spawn(move || {
             if sender.is_closed() {
                 return;
             }
@@ -99,18 +127,53 @@ impl Pool {
     /// theirs wait.
     pub fn queue(&self, job: impl FnOnce() + Send + 'static) {
         let service_time = self.service_time.clone();
-        self.threads.spawn_fifo(move || {
+        self.spawn(move || {
             let started = Instant::now();
             job();
             service_time.record(started.elapsed());
         });
     }
 
+    fn spawn(&self, job: impl FnOnce() + Send + 'static) {
+        let jobs = self.jobs.clone();
+        jobs.n_waiting.fetch_add(1, Ordering::Relaxed);
+        self.threads.spawn_fifo(move || {
+            let _running = Running::begin(&jobs);
+            job();
+        });
+    }
+
     fn full(&self) -> QueueFull {
-        let n_ahead = self.n_slots - self.slots.available_permits();
-        QueueFull {
-            retry_after: expected_wait(n_ahead, self.service_time.get(), self.threads.current_num_threads()),
-        }
+        let n_threads = self.threads.current_num_threads();
+        QueueFull { retry_after: expected_wait(self.n_slots_in_use(), self.service_time.get(), n_threads) }
+    }
+
+    fn n_slots_in_use(&self) -> usize {
+        self.n_slots - self.slots.available_permits()
+    }
+}
+
+/// The jobs that were given and have not ended.
+#[derive(Default)]
+struct Jobs {
+    n_waiting: AtomicUsize,
+    n_running: AtomicUsize,
+}
+
+/// A job that runs, until it ends or panics.
+struct Running<'a>(&'a Jobs);
+
+impl<'a> Running<'a> {
+    fn begin(jobs: &'a Jobs) -> Self {
+        jobs.n_waiting.fetch_sub(1, Ordering::Relaxed);
+        jobs.n_running.fetch_add(1, Ordering::Relaxed);
+        Self(jobs)
+    }
+}
+
+impl Drop for Running<'_> {
+    fn drop(&mut self) {
+        self.0.n_running.fetch_sub(1, Ordering::Relaxed);
     }
 }
 
@@ -176,6 +239,30 @@ mod tests {
         drop(release);
         task.await.unwrap();
         assert_eq!(pool.admit(3).unwrap().len(), 3);
+    }
+
+    #[tokio::test]
+    async fn the_load_tells_what_waits_and_what_runs() {
+        let (pool, release, task) = busy_pool(2).await;
+        let waiting = pool.run(slot(&pool), |_| ());
+        let load = pool.load();
+        assert_eq!((load.n_threads, load.n_running, load.n_waiting), (1, 1, 1));
+        assert_eq!((load.n_slots, load.n_slots_in_use), (3, 2));
+        drop(release);
+        task.await.unwrap();
+        waiting.await.unwrap();
+        let result: Result<(), _> = pool.run(slot(&pool), |_| panic!("broken on purpose")).await;
+        assert_eq!(result, Err(Panicked));
+        // One thread runs one job after the other: the one that panicked has ended when this one runs.
+        let (tell, told) = oneshot::channel();
+        let (release, released) = mpsc::channel::<()>();
+        pool.queue(move || {
+            let _ = tell.send(());
+            let _ = released.recv();
+        });
+        told.await.unwrap();
+        assert_eq!((pool.load().n_running, pool.load().n_waiting), (1, 0));
+        drop(release);
     }
 
     #[tokio::test]

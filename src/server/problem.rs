@@ -1,5 +1,5 @@
-//! Every error that a caller can see, as RFC 9457 `application/problem+json`. The only place that
-//! knows status codes.
+//! Every error that a caller can see, as RFC 9457 `application/problem+json`, or as the Open Inference
+//! Protocol has it. The only place that knows status codes.
 
 use super::auth::AuthError;
 use super::body::BodyError;
@@ -8,6 +8,8 @@ use super::recognize::RecognizeError;
 use super::registry::{ChangeError, LookupError};
 use super::upload::UploadError;
 use crate::image::ImageError;
+use crate::protocol::oip;
+use crate::protocol::oip::request::RequestError;
 use crate::protocol::rest::ProblemBody;
 use crate::repository::RepositoryError;
 use Kind as K;
@@ -16,8 +18,17 @@ use axum::response::{IntoResponse, Response};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The media type of every error.
-pub const MEDIA_TYPE: &str = "application/problem+json";
+/// The path of the Open Inference Protocol, and what begins all others of it.
+const OIP_PATH: &str = "/v2";
+
+/// How callers read errors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorForm {
+    /// As RFC 9457 has it.
+    Problem,
+    /// As the Open Inference Protocol has it.
+    Oip,
+}
 
 /// What went wrong with a request.
 #[derive(Debug, thiserror::Error)]
@@ -37,6 +48,17 @@ pub enum Problem {
     /// The frame got no answer.
     #[error(transparent)]
     Recognize(#[from] RecognizeError),
+    /// One of several frames got no answer, and the others therefore none either.
+    #[error("frame {frame_idx} (counted from 0): {cause}")]
+    Frame {
+        /// Which, from 0.
+        frame_idx: usize,
+        /// Why.
+        cause: Box<Problem>,
+    },
+    /// A request of the Open Inference Protocol cannot be read.
+    #[error(transparent)]
+    Oip(#[from] RequestError),
     /// The query or the path is wrong.
     #[error("{0}")]
     Query(String),
@@ -250,6 +272,24 @@ impl Kind {
     }
 }
 
+impl ErrorForm {
+    /// The form of the errors at a path.
+    pub fn of(path: &str) -> Self {
+        match path.strip_prefix(OIP_PATH) {
+            Some(rest) if rest.is_empty() || rest.starts_with('/') => Self::Oip,
+            _ => Self::Problem,
+        }
+    }
+
+    /// Its media type.
+    pub fn media_type(self) -> &'static str {
+        match self {
+            Self::Problem => "application/problem+json",
+            Self::Oip => "application/json",
+        }
+    }
+}
+
 impl Problem {
     /// Its kind.
     pub fn kind(&self) -> Kind {
@@ -258,18 +298,19 @@ impl Problem {
             Self::Auth(AuthError::Forbidden { .. } | AuthError::Origin) => K::Forbidden,
             Self::Body(BodyError::TooLarge { .. } | BodyError::TooManyFrames(_)) => K::TooLarge,
             Self::Body(BodyError::Slow(_)) => K::SlowBody,
-            Self::Body(BodyError::UnsupportedType(..)) => K::UnsupportedType,
+            Self::Body(BodyError::UnsupportedType(..) | BodyError::Encoded(_)) => K::UnsupportedType,
             Self::Body(BodyError::Empty | BodyError::Malformed(_) | BodyError::Broken(_)) => K::BadRequest,
             Self::Body(BodyError::NoMemory(_)) => K::QueueFull,
             Self::Lookup(error) => lookup_kind(error),
             Self::Change(error) => change_kind(error),
             Self::Upload(error) => error.kind(),
             Self::Busy(_) => K::QueueFull,
-            Self::Recognize(RecognizeError::Image(ImageError::TooLarge(_))) => K::TooLarge,
-            Self::Recognize(RecognizeError::Image(_)) => K::NotAnImage,
-            Self::Recognize(RecognizeError::DeadlinePassed) => K::DeadlinePassed,
-            Self::Recognize(RecognizeError::CallerLeft | RecognizeError::Panicked(_)) => K::Internal,
-            Self::Query(_) => K::BadRequest,
+            Self::Recognize(error) => Kind::from(error),
+            // The protocol has no place for one frame's error: it is the request that cannot be read.
+            Self::Frame { cause, .. } if cause.kind() == K::NotAnImage => K::BadRequest,
+            Self::Frame { cause, .. } => cause.kind(),
+            Self::Oip(RequestError::TooManyFrames(_)) => K::TooLarge,
+            Self::Oip(_) | Self::Query(_) => K::BadRequest,
             Self::NoWebSocket(_) => K::NoWebSocket,
             Self::NotFound | Self::NoRobot(_) => K::NotFound,
             Self::Draining => K::Draining,
@@ -280,7 +321,8 @@ impl Problem {
     /// What the caller reads. Causes of failures of ours stay in the log.
     pub fn body(&self, request_id: &str) -> ProblemBody {
         let kind = self.kind();
-        let detail = if kind == K::Internal { kind.advice().to_owned() } else { self.to_string() };
+        let is_ours = matches!(kind, K::Internal | K::NoRepository);
+        let detail = if is_ours { kind.advice().to_owned() } else { self.to_string() };
         ProblemBody {
             r#type: kind.uri(),
             title: kind.title().to_owned(),
@@ -291,17 +333,21 @@ impl Problem {
     }
 
     /// Puts what the caller reads into a response, and what we want to know into the log.
-    pub fn render(&self, response: Response, request_id: &str) -> Response {
+    pub fn render(&self, response: Response, request_id: &str, form: ErrorForm) -> Response {
         let kind = self.kind();
         match kind {
-            K::Internal => tracing::error!(cause = %self, "failed"),
+            K::Internal | K::NoRepository => tracing::error!(cause = %self, "failed"),
             _ => tracing::debug!(cause = %self, "refused"),
         }
-        let body = serde_json::to_vec(&self.body(request_id)).unwrap_or_default();
+        let body = self.body(request_id);
+        let body = match form {
+            ErrorForm::Problem => serde_json::to_vec(&body),
+            ErrorForm::Oip => serde_json::to_vec(&oip::ErrorBody { error: body.detail }),
+        };
         let (mut parts, _) = response.into_parts();
         parts.status = kind.status();
         parts.headers.remove(header::CONTENT_LENGTH);
-        parts.headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(MEDIA_TYPE));
+        parts.headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(form.media_type()));
         if kind == K::Unauthorized {
             parts.headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
         }
@@ -310,7 +356,7 @@ impl Problem {
                 .headers
                 .insert(header::RETRY_AFTER, HeaderValue::from(wait.as_secs_f64().ceil().max(1.0) as u64));
         }
-        Response::from_parts(parts, body.into())
+        Response::from_parts(parts, body.unwrap_or_default().into())
     }
 
     fn retry_after(&self) -> Option<Duration> {
@@ -351,6 +397,17 @@ pub fn repository_kind(error: &RepositoryError) -> Kind {
     }
 }
 
+impl From<&RecognizeError> for Kind {
+    fn from(error: &RecognizeError) -> Self {
+        match error {
+            RecognizeError::Image(ImageError::TooLarge(_)) => K::TooLarge,
+            RecognizeError::Image(_) => K::NotAnImage,
+            RecognizeError::DeadlinePassed => K::DeadlinePassed,
+            RecognizeError::CallerLeft | RecognizeError::Panicked(_) => K::Internal,
+        }
+    }
+}
+
 /// A response that [`Problem::render`] completes where the request's id is known.
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
@@ -384,9 +441,22 @@ mod tests {
     fn a_wait_below_a_second_is_told_as_one() {
         for (milliseconds, told) in [(0, "1"), (20, "1"), (1001, "2"), (5000, "5")] {
             let problem = Problem::from(QueueFull { retry_after: Duration::from_millis(milliseconds) });
-            let response = problem.render(Response::default(), "id");
+            let response = problem.render(Response::default(), "id", ErrorForm::Problem);
             assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
             assert_eq!(response.headers()[header::RETRY_AFTER], told);
+        }
+    }
+
+    #[test]
+    fn errors_have_the_form_of_their_path() {
+        for (path, form) in [
+            ("/v2", ErrorForm::Oip),
+            ("/v2/nothing", ErrorForm::Oip),
+            ("/v22", ErrorForm::Problem),
+            ("/v1/v2/", ErrorForm::Problem),
+            ("/", ErrorForm::Problem),
+        ] {
+            assert_eq!(ErrorForm::of(path), form, "{path}");
         }
     }
 

@@ -2,21 +2,22 @@
 
 use super::App;
 use super::auth::KeyName;
+use super::metrics::Transport;
 use super::observe::RequestContext;
 use super::problem::Problem;
 use super::recognize::Task;
 use super::registry::Choice;
 use crate::protocol::rest::RecognizeQuery;
-use axum::Extension;
 use axum::extract::{FromRequestParts, Query};
 use axum::http::request::Parts;
+use axum::http::{Extensions, StatusCode};
 use std::time::Duration;
 
 const MAX_TEXT_BYTES: usize = 64;
 
-/// A query of the recognize calls, and what follows from it.
+/// What is asked about frames, and what follows from it.
 pub struct Asked {
-    /// The query.
+    /// As it was asked.
     pub query: RecognizeQuery,
     /// The request.
     pub context: RequestContext,
@@ -30,16 +31,40 @@ impl FromRequestParts<App> for Asked {
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
         let Query(query) = Query::<RecognizeQuery>::try_from_uri(&parts.uri)
             .map_err(|error| Problem::Query(error.body_text()))?;
+        let caller = Caller::of(&parts.extensions, Transport::Rest)?;
+        Self::new(app, query, caller)
+    }
+}
+
+/// Who asks, and how.
+pub struct Caller {
+    context: RequestContext,
+    /// The name of its key, where it has one.
+    key: Option<KeyName>,
+    transport: Transport,
+}
+
+impl Caller {
+    /// Of a request with these extensions.
+    ///
+    /// # Errors
+    /// A request that was not observed: a defect of ours.
+    pub fn of(extensions: &Extensions, transport: Transport) -> Result<Self, Problem> {
+        let context = extensions.get::<RequestContext>().cloned();
+        let context = context.ok_or(Problem::Framework(StatusCode::INTERNAL_SERVER_ERROR))?;
+        Ok(Self { context, key: extensions.get::<KeyName>().cloned(), transport })
+    }
+}
+
+impl Asked {
+    /// Checks a query, and chooses the model that answers it.
+    pub fn new(app: &App, query: RecognizeQuery, caller: Caller) -> Result<Self, Problem> {
         check("robot", query.robot.as_deref())?;
         check("captured_at", query.captured_at.as_deref())?;
         if query.top == Some(0) {
             return Err(Problem::Query("`top` must be at least 1; leave it out for all rooms".into()));
         }
-        let Extension(context) = Extension::<RequestContext>::from_request_parts(parts, app)
-            .await
-            .map_err(|error| Problem::Framework(error.status()))?;
-        let key = parts.extensions.get::<KeyName>().map(|key| key.0.as_str());
-        let robot = query.robot.as_deref().or(key);
+        let robot = query.robot.as_deref().or(caller.key.as_ref().map(|key| key.0.as_str()));
         let served = app.registry.choose(query.model.as_deref(), &choice(&query)?, robot)?;
         let span = tracing::Span::current();
         span.record("model", &served.name);
@@ -49,10 +74,11 @@ impl FromRequestParts<App> for Asked {
         let wait = query.deadline_ms.map(Duration::from_millis);
         let task = Task {
             served,
-            deadline: wait.and_then(|wait| context.arrived.checked_add(wait)),
+            deadline: wait.and_then(|wait| caller.context.arrived.checked_add(wait)),
             explain: query.explain,
+            transport: caller.transport,
         };
-        Ok(Self { query, context, task })
+        Ok(Self { query, context: caller.context, task })
     }
 }
 

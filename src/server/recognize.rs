@@ -2,6 +2,7 @@
 
 use super::App;
 use super::body::Frame;
+use super::metrics::{FrameOutcome, Transport};
 use super::pool::{Panicked, Slot};
 use super::registry::{Place, ServedModel, distance};
 use crate::image::{Image, ImageError};
@@ -11,6 +12,7 @@ use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio::time::timeout_at;
+use tracing::{Span, debug_span};
 
 /// What to do with a frame. One model recognizes it from start to end.
 #[derive(Clone, Debug)]
@@ -21,6 +23,8 @@ pub struct Task {
     pub deadline: Option<Instant>,
     /// Whether the keypoints that spoke for the room are wanted.
     pub explain: bool,
+    /// What brought the frame.
+    pub transport: Transport,
 }
 
 /// What was seen in a frame.
@@ -75,13 +79,21 @@ pub fn recognize(
     task: Task,
 ) -> impl Future<Output = Result<Seen, RecognizeError>> + use<> {
     let looking = app.clone();
-    let queued = Instant::now();
+    let queued = (Instant::now(), debug_span!("queue"));
     let deadline = task.deadline;
     let (start, started) = oneshot::channel();
-    let span = tracing::Span::current();
+    let mut end = End {
+        app: app.clone(),
+        served: task.served.clone(),
+        transport: task.transport,
+        outcome: FrameOutcome::CallerLeft,
+    };
+    let span = Span::current();
     let answer = app.pool.run(slot, move |has_left| {
         let _entered = span.enter();
-        let queue = queued.elapsed();
+        let (since, waiting) = queued;
+        let queue = since.elapsed();
+        drop(waiting);
         if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
             return Err(RecognizeError::DeadlinePassed);
         }
@@ -91,12 +103,39 @@ pub fn recognize(
         Ok(seen)
     });
     async move {
-        if let Some(deadline) = deadline
-            && timeout_at(deadline.into(), started).await.is_err()
-        {
-            return Err(RecognizeError::DeadlinePassed);
-        }
-        answer.await?
+        let is_late = match deadline {
+            Some(deadline) => timeout_at(deadline.into(), started).await.is_err(),
+            None => false,
+        };
+        let result = if is_late {
+            Err(RecognizeError::DeadlinePassed)
+        } else {
+            answer.await.unwrap_or_else(|panicked| Err(panicked.into()))
+        };
+        end.set(FrameOutcome::from(&result));
+        result
+    }
+}
+
+/// Counts what became of a frame. A caller that leaves drops it before another outcome is known.
+struct End {
+    app: App,
+    served: Arc<ServedModel>,
+    transport: Transport,
+    outcome: FrameOutcome,
+}
+
+impl End {
+    /// It came to this.
+    fn set(&mut self, outcome: FrameOutcome) {
+        self.outcome = outcome;
+    }
+}
+
+impl Drop for End {
+    fn drop(&mut self) {
+        let ServedModel { name, version, .. } = &*self.served;
+        self.app.metrics.frame((name, *version), self.transport, self.outcome);
     }
 }
 
@@ -107,13 +146,14 @@ pub fn look(
     task: Task,
     has_left: &dyn Fn() -> bool,
 ) -> Result<Seen, RecognizeError> {
-    let (image, decode) = timed(|| Image::decode(&frame.bytes, &app.settings.frame_limits()));
+    let limits = app.settings.frame_limits();
+    let (image, decode) = timed(&debug_span!("decode"), || Image::decode(&frame.bytes, &limits));
     let image = image?;
     drop(frame);
     if has_left() {
         return Err(RecognizeError::CallerLeft);
     }
-    let mut seen = see(task, &image);
+    let mut seen = see(task.served, task.explain, &image);
     seen.timings.decode = decode;
     if let Some(place) = app.registry.place_in_shadow(&seen.served) {
         let (served, recognition) = (seen.served.clone(), seen.recognition.clone());
@@ -125,21 +165,20 @@ pub fn look(
 /// Lets a shadow see a frame that was recognized, and notes whether it agrees.
 fn compare(place: Place, image: &Image, (served, recognition): (&Arc<ServedModel>, &Recognition)) {
     let shadow = place.shadow().served.clone();
-    let task = Task { served: shadow.clone(), deadline: None, explain: false };
-    let other = see(task, image).recognition;
+    let other = see(shadow.clone(), false, image).recognition;
     let (rooms, other_rooms) = (served.model.places(), shadow.model.places());
     let agrees = rooms[recognition.place_idx] == other_rooms[other.place_idx];
     place.compared(agrees, distance((rooms, recognition), (other_rooms, &other)));
 }
 
-fn see(task: Task, image: &Image) -> Seen {
-    let model = &task.served.model;
+fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
+    let model = &served.model;
     let (features, features_time) =
-        timed(|| with_scratch(&task.served, |scratch| model.features(image, scratch)));
-    let (recognition, classify) = timed(|| model.classify(&features));
-    let evidence = task.explain.then(|| model.explain(&features, recognition.place_idx));
+        timed(&debug_span!("features"), || with_scratch(&served, |scratch| model.features(image, scratch)));
+    let (recognition, classify) = timed(&debug_span!("classify"), || model.classify(&features));
+    let evidence = explain.then(|| model.explain(&features, recognition.place_idx));
     let timings = Timings { features: features_time, classify, ..Timings::default() };
-    Seen { recognition, evidence, timings, served: task.served }
+    Seen { recognition, evidence, timings, served }
 }
 
 /// Lends this thread's working memory for frames of one model. A job that panics takes the memory
@@ -158,8 +197,8 @@ fn with_scratch<T>(served: &Arc<ServedModel>, work: impl FnOnce(&mut Scratch) ->
     result
 }
 
-fn timed<T>(work: impl FnOnce() -> T) -> (T, Duration) {
+fn timed<T>(span: &Span, work: impl FnOnce() -> T) -> (T, Duration) {
     let started = Instant::now();
-    let result = work();
+    let result = span.in_scope(work);
     (result, started.elapsed())
 }

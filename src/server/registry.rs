@@ -28,6 +28,7 @@ pub use shadow::{Place, Shadow, Tally, distance};
 pub use state::Version;
 
 use super::events::Events;
+use super::metrics::Metrics;
 use super::settings::Policy;
 use crate::repository::{Record, Repository};
 use arc_swap::{ArcSwap, Guard};
@@ -51,6 +52,7 @@ pub struct Registry {
     /// Held while a model is read and tried: one at a time, so that frames keep the processors.
     loading: Mutex<()>,
     events: Events,
+    metrics: Arc<Metrics>,
 }
 
 /// What is known beside what serves.

@@ -59,6 +59,11 @@ impl Record {
         self.known().connected = connected;
     }
 
+    /// Whether its connection stands.
+    pub fn is_connected(&self) -> bool {
+        self.known().connected
+    }
+
     /// It took a frame in.
     pub fn accepted(&self) {
         self.known().frames.accepted += 1;

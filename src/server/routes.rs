@@ -1,15 +1,16 @@
 //! The paths of the API, grouped by who may call them.
 
+use super::answers::answers;
 use super::asyncapi::stream_document;
-use super::body::{Frame, Frames, OneFrame};
+use super::body::{Frames, OneFrame};
+use super::metrics;
 use super::openapi::{
     BatchForm, Description, FrameForm, FrameProblems, ImageBytes, PathProblems, ReadyProblems,
 };
 use super::problem::{Kind, Problem};
 use super::query::Asked;
 use super::registry::Choice;
-use super::{App, api, auth, events, models, observe, recognize, robots, stream};
-use crate::protocol::event::{AnswerEvent, Event};
+use super::{App, auth, events, models, observe, oip, robots, stream};
 use crate::protocol::rest::{Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, RecognizeQuery};
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::HeaderName;
@@ -57,6 +58,7 @@ fn robots() -> OpenApiRouter<App> {
         .routes(routes!(recognize_one))
         .routes(routes!(recognize_batch))
         .routes(routes!(stream::connect))
+        .merge(oip::robots())
 }
 
 fn viewers() -> OpenApiRouter<App> {
@@ -67,6 +69,8 @@ fn viewers() -> OpenApiRouter<App> {
         .routes(routes!(events::events))
         .routes(routes!(robots::list_robots))
         .routes(routes!(robots::show_robot))
+        .routes(routes!(metrics::scrape))
+        .merge(oip::viewers())
 }
 
 fn admins() -> OpenApiRouter<App> {
@@ -75,10 +79,15 @@ fn admins() -> OpenApiRouter<App> {
         .routes(routes!(models::activate))
         .routes(routes!(models::rollback))
         .routes(routes!(models::set_label, models::remove_label))
+        .merge(oip::admins())
 }
 
 fn anyone() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(live)).routes(routes!(ready)).routes(routes!(show_problem))
+    OpenApiRouter::new()
+        .routes(routes!(live))
+        .routes(routes!(ready))
+        .routes(routes!(show_problem))
+        .merge(oip::anyone())
 }
 
 /// Tells which room a frame shows
@@ -160,28 +169,4 @@ async fn ready(State(app): State<App>) -> Result<Json<Health>, Problem> {
 async fn show_problem(Path(name): Path<String>) -> Result<Json<KindInfo>, Problem> {
     let kind = Kind::ALL.into_iter().find(|kind| kind.name() == name);
     kind.map(|kind| Json(KindInfo::from(kind))).ok_or(Problem::NotFound)
-}
-
-/// Recognizes the frames of one request, all of them or, where the queue has no room, none.
-async fn answers(
-    app: App,
-    asked: Asked,
-    frames: Vec<Frame>,
-) -> Result<Vec<Result<Answer, Problem>>, Problem> {
-    let slots = app.pool.admit(frames.len())?;
-    let jobs = slots.into_iter().zip(frames);
-    let waiting: Vec<_> =
-        jobs.map(|(slot, frame)| recognize::recognize(&app, slot, frame, asked.task.clone())).collect();
-    let mut answers = Vec::with_capacity(waiting.len());
-    for seen in waiting {
-        let answer = seen.await.map(|seen| Answer::new(seen, &asked.query, &asked.context.id));
-        if let Ok(answer) = &answer {
-            app.events.tell(|| {
-                let latency = asked.context.arrived.elapsed();
-                Event::Answer(Box::new(AnswerEvent::of_frame(answer, api::ms(latency))))
-            });
-        }
-        answers.push(answer.map_err(Problem::from));
-    }
-    Ok(answers)
 }

@@ -77,6 +77,9 @@ pub struct Settings {
     pub log_format: LogFormat,
     /// What is logged: `error`, `warn`, `info`, `debug`, or a filter as `roomsight=debug,warn`.
     pub log_level: String,
+    /// The OpenTelemetry collector that gets traces, as `http://127.0.0.1:4318`; empty: the one that the
+    /// environment's `OTEL_EXPORTER_OTLP_ENDPOINT` names, or none. Takes a program built with `otlp`.
+    pub otlp_endpoint: String,
 }
 
 /// Which version of a model serves.
@@ -153,6 +156,7 @@ impl Default for Settings {
             stream_resume_ms: 30_000,
             log_format: LogFormat::Human,
             log_level: "info".into(),
+            otlp_endpoint: String::new(),
         }
     }
 }
@@ -278,6 +282,18 @@ impl Settings {
         if self.stream_ping_ms == 0 || self.stream_ping_ms > self.stream_idle_timeout_ms {
             return wrong("stream_ping_ms", "it must be from 1 to `stream_idle_timeout_ms`".into());
         }
+        if !self.otlp_endpoint.is_empty() {
+            if !cfg!(feature = "otlp") {
+                let reason =
+                    "this program sends no traces; build it with `cargo build --release --features otlp`";
+                return wrong("otlp_endpoint", reason.into());
+            }
+            if !self.otlp_endpoint.starts_with("http://") {
+                let reason =
+                    "it must begin with http://; for TLS give a collector beside the service, which has it";
+                return wrong("otlp_endpoint", reason.into());
+            }
+        }
         if largest_body > self.max_buffered_bytes || self.max_buffered_bytes > u32::MAX as usize {
             return wrong(
                 "max_buffered_bytes",
@@ -369,6 +385,7 @@ mod tests {
             ("queue", "many"),
             ("keys", "robot:wall-e:short"),
             ("log_format", "xml"),
+            ("otlp_endpoint", "https://collector:4318"),
         ] {
             let error = Settings::load(None, map(&[]), map(&[(name, value)])).unwrap_err().to_string();
             assert!(error.contains(name), "{name}: {error}");

@@ -140,6 +140,8 @@ async fn bad_bodies_get_an_error_that_says_why() {
         println!("{media_type}, {} bytes", body.len());
         problem(server.post_as("/v1/recognize", media_type, body).send().await.unwrap(), status, kind).await;
     }
+    let zipped = server.post("/v1/recognize", frame()).header("content-encoding", "gzip");
+    problem(zipped.send().await.unwrap(), 415, "unsupported-type").await;
     success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
 }
 

@@ -23,7 +23,7 @@ fn text(bytes: &[u8]) -> String {
 }
 
 /// What a command that must fail says.
-fn failure(args: &[&str]) -> String {
+pub fn failure(args: &[&str]) -> String {
     let output = output(args);
     assert_eq!(output.status.code(), Some(1), "{}", text(&output.stderr));
     text(&output.stderr)
@@ -33,38 +33,61 @@ pub fn free_address() -> String {
     TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
 }
 
-/// Kills the service when the test ends early.
-pub struct Running(pub Child);
+/// A service that runs. It is killed when the test ends early.
+pub struct Running {
+    child: Child,
+    pub url: String,
+}
+
+impl Running {
+    /// Runs `serve` with these arguments, on a port of its own, until it is ready.
+    pub fn start(args: &[&str]) -> Self {
+        let address = free_address();
+        let mut serve = roomsight(&["serve", "--listen", &address]);
+        let child = serve.args(args).stderr(Stdio::piped()).spawn().unwrap();
+        let running = Self { child, url: format!("http://{address}") };
+        let started = Instant::now();
+        while !output(&["health", &running.url]).status.success() {
+            assert!(started.elapsed() < PATIENCE, "it never got ready");
+            sleep(Duration::from_millis(20));
+        }
+        running
+    }
+
+    /// Kills it, whatever it is doing.
+    pub fn kill(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+
+    /// Tells it to stop; returns its log.
+    pub fn stop(&mut self) -> String {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+        assert!(self.child.wait().unwrap().success());
+        let mut log = String::new();
+        std::io::Read::read_to_string(self.child.stderr.as_mut().unwrap(), &mut log).unwrap();
+        log
+    }
+}
 
 impl Drop for Running {
     fn drop(&mut self) {
-        let _ = self.0.kill();
+        let _ = self.child.kill();
     }
 }
 
 #[test]
 fn serve_gets_ready_and_ends_well_when_told() {
-    let (models, address) = (models(), free_address());
-    let url = format!("http://{address}");
-    let folder = models.path().to_str().unwrap();
-    let mut serve = roomsight(&["serve", "--models", folder, "--listen", &address, "--log-format", "json"]);
-    let mut running = Running(serve.stderr(Stdio::piped()).spawn().unwrap());
-    let started = Instant::now();
-    while !output(&["health", &url]).status.success() {
-        assert!(started.elapsed() < PATIENCE, "it never got ready");
-        sleep(Duration::from_millis(20));
-    }
-    let id = running.0.id().to_string();
-    assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
-    assert!(running.0.wait().unwrap().success());
-    let mut log = String::new();
-    std::io::Read::read_to_string(running.0.stderr.as_mut().unwrap(), &mut log).unwrap();
+    let models = models();
+    let mut running = Running::start(&["--models", models.path().to_str().unwrap(), "--log-format", "json"]);
+    let log = running.stop();
     let answered: serde_json::Value =
         serde_json::from_str(log.lines().find(|line| line.contains("answered")).unwrap()).unwrap();
     assert_eq!(answered["status"], 200, "{answered}");
     assert_eq!(answered["span"]["route"], "/readyz", "{answered}");
     assert!(answered["span"]["request_id"].is_string(), "{answered}");
-    assert!(failure(&["health", &url]).contains(&url));
+    assert!(failure(&["health", &running.url]).contains(&running.url));
 }
 
 #[test]

@@ -1,19 +1,15 @@
 //! The service is killed while models come and go: what it acknowledged is there when it is back.
 
-use crate::command::{Running, free_address, output, roomsight};
+use crate::command::Running;
 use crate::service::{MODEL, OTHER_MODEL, client, room};
 use roomsight::model::Model;
 use roomsight::repository::package::pack;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::fs;
-use std::path::Path;
-use std::process::Stdio;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 use tempfile::TempDir;
 use tokio::time::timeout;
-
-const PATIENCE: Duration = Duration::from_secs(20);
 
 /// How often the service is killed. `ROOMSIGHT_KILLS=200 cargo test --test http kill::` kills it more often.
 fn n_kills() -> u64 {
@@ -91,18 +87,6 @@ fn packed(version: u64) -> Vec<u8> {
     body
 }
 
-fn start(folder: &Path, address: &str) -> Running {
-    let folder = folder.to_str().unwrap();
-    let mut serve = roomsight(&["serve", "--models", folder, "--listen", address, "--policy", "manual"]);
-    let running = Running(serve.stderr(Stdio::null()).spawn().unwrap());
-    let started = Instant::now();
-    while !output(&["health", &format!("http://{address}")]).status.success() {
-        assert!(started.elapsed() < PATIENCE, "it never got ready");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    running
-}
-
 /// Does one operation after the other until the connection breaks.
 async fn operate(url: &str, known: &mut Acknowledged, bodies: [&[u8]; 2]) {
     for idx in 0.. {
@@ -125,18 +109,19 @@ async fn operate(url: &str, known: &mut Acknowledged, bodies: [&[u8]; 2]) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn what_was_acknowledged_is_there_after_the_service_was_killed() {
-    let (folder, address) = (TempDir::new().unwrap(), free_address());
+    let folder = TempDir::new().unwrap();
     MODEL.save(&folder.path().join("lab/1"), &[]).unwrap();
     // Somebody has decided that it serves.
     fs::write(folder.path().join("lab/serving.json"), r#"{"epoch": 1, "settled": 1, "stable": 1}"#).unwrap();
     let bodies = [packed(0), packed(1)];
     let mut known = Acknowledged { versions: BTreeSet::from([1]), stable: 1, open: None, n_uploaded: 0 };
-    let url = format!("http://{address}/v1/models/lab");
     for kill_idx in 0..=n_kills() {
-        let mut running = start(folder.path(), &address);
+        let mut running =
+            Running::start(&["--models", folder.path().to_str().unwrap(), "--policy", "manual"]);
+        let url = format!("{}/v1/models/lab", running.url);
         let lab = client().get(&url).send().await.unwrap().json::<Value>().await.unwrap();
         known.settle(&lab);
-        let recognize = client().post(format!("http://{address}/v1/recognize")).body(room(0, 0));
+        let recognize = client().post(format!("{}/v1/recognize", running.url)).body(room(0, 0));
         let recognize = recognize.header("content-type", "application/octet-stream");
         let answer = recognize.send().await.unwrap().json::<Value>().await.unwrap();
         assert_eq!(answer["model"]["version"], known.stable, "{answer}");
@@ -149,8 +134,7 @@ async fn what_was_acknowledged_is_there_after_the_service_was_killed() {
         let moment = Duration::from_micros(kill_idx * 7919 % 40_000);
         let operating = operate(&url, &mut known, [&bodies[0], &bodies[1]]);
         let _ = timeout(moment, operating).await;
-        running.0.kill().unwrap();
-        running.0.wait().unwrap();
+        running.kill();
     }
     println!("killed {} times during {} uploads", n_kills() + 1, known.n_uploaded);
     assert!(known.n_uploaded > 0, "nothing was under way");

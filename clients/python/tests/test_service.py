@@ -1,57 +1,23 @@
 """Both clients against the real service, with simulated frames."""
 
 import logging
-import os
 import socket
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
-from pathlib import Path
 
 from roomsight import AsyncClient, Client, ConnectionLost, Dropped, Error, Refused, Result
+from running import PATIENCE_S, RunningService
 
-REPOSITORY = Path(__file__).resolve().parents[3]
-BINARY = os.environ.get("ROOMSIGHT", str(REPOSITORY / "target/debug/roomsight"))
-PATIENCE_S = 60.0
 NO_IMAGE = b"this is no image"
 
 # A busy machine is slow; asyncio would tell each time.
 logging.getLogger("asyncio").setLevel(logging.ERROR)
 
 
-class Service(unittest.IsolatedAsyncioTestCase):
-    """A service of the example model, and a short drive through the lab that it knows."""
-
-    folder: "tempfile.TemporaryDirectory[str]"
-    process: "subprocess.Popen[bytes]"
-    url: str
-    frames: "list[Path]"
-
-    @classmethod
-    def setUpClass(cls) -> None:
-        cls.folder = tempfile.TemporaryDirectory()
-        cls.addClassCleanup(cls.folder.cleanup)
-        drive = ["--camera=omni", "--illumination=cloudy1", "--frames-per-second=0.04"]
-        subprocess.run([BINARY, "simulate", cls.folder.name, *drive], check=True, stdout=subprocess.DEVNULL)
-        cls.frames = sorted(Path(cls.folder.name).rglob("*.jpeg"))[:6]
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            address = f"127.0.0.1:{free.getsockname()[1]}"
-        cls.url = f"http://{address}"
-        models = str(REPOSITORY / "models")
-        cls.process = subprocess.Popen(
-            [BINARY, "serve", "--models", models, "--listen", address, "--set", "log_level=error"]
-        )
-        cls.addClassCleanup(cls.process.wait)
-        cls.addClassCleanup(cls.process.terminate)
-        started = time.monotonic()
-        with Client(cls.url) as client:
-            while not is_ready(client):
-                if cls.process.poll() is not None or time.monotonic() - started > PATIENCE_S:
-                    raise AssertionError("the service did not get ready")
-                time.sleep(0.05)
+class Service(RunningService, unittest.IsolatedAsyncioTestCase):
+    """Both clients against one service."""
 
     def test_single_frames_and_models(self) -> None:
         with Client(self.url) as client:
@@ -139,10 +105,3 @@ class Service(unittest.IsolatedAsyncioTestCase):
                 client.stream()
         with self.assertRaises(ValueError):
             Client("127.0.0.1:8080")
-
-
-def is_ready(client: Client) -> bool:
-    try:
-        return client.is_ready()
-    except ConnectionLost:
-        return False

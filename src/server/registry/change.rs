@@ -8,8 +8,10 @@ use crate::model::{LoadError, LoadedModel, VerifiedFile, load_golden_frames, war
 use crate::protocol::event::Event;
 use crate::protocol::rest::ModelName;
 use crate::repository::{Canary, Record, RecordError, RepositoryError, VersionId};
+use crate::server::metrics::{SwapKind, SwapOutcome};
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 use tempfile::TempDir;
 
 /// What is to serve instead.
@@ -47,6 +49,15 @@ impl Change {
         }
     }
 
+    fn kind(self) -> SwapKind {
+        match self {
+            Self::Activate(_) => SwapKind::Activate,
+            Self::Rollback => SwapKind::Rollback,
+            Self::Canary(_) | Self::Shadow(_) => SwapKind::Label,
+            Self::Unload => SwapKind::Unload,
+        }
+    }
+
     /// The version that must work for the change to take effect, by the changed record.
     fn wants(self, record: &Record) -> Option<u64> {
         match self {
@@ -66,6 +77,32 @@ impl Registry {
     /// # Errors
     /// Nothing is changed then, and what served serves on.
     pub fn change(&self, name: &str, change: Change, expected_epoch: Option<u64>) -> Result<(), ChangeError> {
+        self.counted(change.kind(), || self.apply(name, change, expected_epoch))
+    }
+
+    /// Counts and times a change.
+    pub(super) fn counted(
+        &self,
+        kind: SwapKind,
+        change: impl FnOnce() -> Result<(), ChangeError>,
+    ) -> Result<(), ChangeError> {
+        let began = Instant::now();
+        let result = change();
+        let outcome = match &result {
+            Ok(()) => SwapOutcome::Done,
+            Err(ChangeError::Superseded | ChangeError::Stale { .. }) => SwapOutcome::Lost,
+            Err(_) => SwapOutcome::Failed,
+        };
+        self.metrics.swapped(kind, began.elapsed(), outcome);
+        result
+    }
+
+    pub(super) fn apply(
+        &self,
+        name: &str,
+        change: Change,
+        expected_epoch: Option<u64>,
+    ) -> Result<(), ChangeError> {
         let ticket = self.begin(name, expected_epoch)?;
         let mut wanted = change.wants(&change.of(&self.entry(name)?.record)?);
         let mut loaded = None;
@@ -308,6 +345,7 @@ mod tests {
     use super::*;
     use crate::repository::Repository;
     use crate::server::events::Events;
+    use crate::server::metrics::Metrics;
     use crate::server::settings::{Policy, Settings};
     use std::fs;
 
@@ -324,7 +362,9 @@ mod tests {
         }
         let settings = Settings { policy: Policy::Manual, ..Settings::default() };
         let repository = Repository::open(&folder.path().to_string_lossy(), Path::new("unused")).unwrap();
-        let registry = Registry::open(repository, &settings, Events::default()).unwrap();
+        let registry =
+            Registry::open(repository, &settings, (Events::default(), Arc::new(Metrics::new().unwrap())))
+                .unwrap();
         (folder, registry)
     }
 

@@ -3,13 +3,14 @@
 
 use super::served::Table;
 use super::state::{Loaded, Version};
-use super::{Book, Change, Entry, Registry, RegistryError, lock};
+use super::{Book, Change, ChangeError, Entry, Registry, RegistryError, lock};
 use crate::repository::{Listing, Record, Repository, RepositoryError, Scan, VersionId};
 use crate::server::events::Events;
+use crate::server::metrics::{Metrics, SwapKind};
 use crate::server::settings::{Policy, Settings};
 use arc_swap::ArcSwap;
 use std::collections::BTreeMap;
-use std::sync::Mutex;
+use std::sync::{Arc, Mutex};
 
 impl Registry {
     /// Looks at the repository and loads what is to serve: what served when the service stopped; with the
@@ -17,7 +18,11 @@ impl Registry {
     ///
     /// # Errors
     /// Nothing can serve. With the policy `manual` that is none.
-    pub fn open(repository: Repository, settings: &Settings, events: Events) -> Result<Self, RegistryError> {
+    pub fn open(
+        repository: Repository,
+        settings: &Settings,
+        (events, metrics): (Events, Arc<Metrics>),
+    ) -> Result<Self, RegistryError> {
         let registry = Self {
             repository,
             policy: settings.policy,
@@ -28,6 +33,7 @@ impl Registry {
             looking: Mutex::default(),
             loading: Mutex::default(),
             events,
+            metrics,
         };
         for name in registry.look(None)? {
             registry.start(&name);
@@ -137,10 +143,15 @@ impl Registry {
         }
         if self.policy == Policy::Latest
             && let Some(version) = entry.newest_untried()
-            && let Err(error) = self.change(name, Change::Activate(version), None)
+            && let Err(error) = self.take(name, version)
         {
             tracing::warn!(model = name, version, %error, "a newer version does not come to serve");
         }
+    }
+
+    /// Lets a version serve that is newer than all that served.
+    fn take(&self, name: &str, version: u64) -> Result<(), ChangeError> {
+        self.counted(SwapKind::Latest, || self.apply(name, Change::Activate(version), None))
     }
 
     /// Lets the record that is known take effect.

@@ -6,6 +6,7 @@
 //! takes it.
 
 use crate::server::body::Frame;
+use crate::server::trace::FrameSpans;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -20,6 +21,8 @@ pub struct Waiting {
     pub deadline: Option<Instant>,
     /// Its bytes.
     pub frame: Frame,
+    /// Its trace.
+    pub spans: FrameSpans,
 }
 
 /// The frames of one stream that wait, shared between its task and the threads.
@@ -91,7 +94,7 @@ mod tests {
 
     fn frame(seq: u64) -> Waiting {
         let frame = Frame::hold(vec![0].into(), &Arc::new(Semaphore::new(1))).unwrap();
-        Waiting { seq, arrived: Instant::now(), deadline: None, frame }
+        Waiting { seq, arrived: Instant::now(), deadline: None, frame, spans: FrameSpans::begin(seq) }
     }
 
     fn taken(lane: &Lane) -> Option<u64> {

@@ -17,11 +17,13 @@ use crate::protocol::stream::{
 };
 use crate::server::App;
 use crate::server::body::{BodyError, Frame};
+use crate::server::metrics::{FrameOutcome, Transport};
 use crate::server::pool::Panicked;
 use crate::server::problem::Problem;
 use crate::server::recognize::{RecognizeError, Task, look};
 use crate::server::registry::Choice;
 use crate::server::robots::Record;
+use crate::server::trace::FrameSpans;
 use axum::body::Bytes;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -283,7 +285,10 @@ impl Session {
             Ok(frame) if frame.bytes.is_empty() => {
                 self.ledger.settle(seq, Outcome::Failed(BodyError::Empty.into()));
             }
-            Ok(frame) => self.wait(Waiting { seq, arrived, deadline: self.deadline(arrived), frame }),
+            Ok(frame) => {
+                let (deadline, spans) = (self.deadline(arrived), FrameSpans::begin(seq));
+                self.wait(Waiting { seq, arrived, deadline, frame, spans });
+            }
         }
         self.tell()
     }
@@ -352,14 +357,21 @@ impl Session {
             let seq = frame.seq;
             let messages = match outcome {
                 Outcome::Seen(seen) => {
+                    self.count(
+                        (&seen.served.name, seen.served.version),
+                        FrameOutcome::Answered(seen.timings),
+                    );
                     self.teller.result(&frame, *seen, (&self.settings, &self.app.events, &self.record))
                 }
                 Outcome::Failed(problem) => {
                     self.record.failed();
+                    let model = self.teller.model();
+                    self.count((&model.name, model.version), FrameOutcome::Failed(problem.kind()));
                     vec![self.error(Some(seq), &problem)]
                 }
                 Outcome::Dropped(reason) => {
                     self.record.dropped(reason);
+                    self.app.metrics.dropped(reason);
                     vec![text(&ServerMessage::Dropped { seq, reason })]
                 }
             };
@@ -369,6 +381,11 @@ impl Session {
             said.extend(messages);
         }
         said
+    }
+
+    /// Counts a frame that is told; one that cannot be read counts for the model of the last answer.
+    fn count(&self, model: (&str, u64), outcome: FrameOutcome) {
+        self.app.metrics.frame(model, Transport::Stream, outcome);
     }
 
     fn configure(&mut self, message: &str) -> ServerMessage {
@@ -444,7 +461,8 @@ impl Turn {
     /// Takes the stream's first frame that is still in time, and recognizes it.
     fn run(self) {
         let choose = || self.app.registry.choose(Some(&self.model), &Choice::Serving, Some(&self.robot));
-        while let Some((Waiting { seq, arrived, deadline, frame }, served)) = self.lane.take(choose) {
+        while let Some((Waiting { seq, arrived, deadline, frame, spans }, served)) = self.lane.take(choose) {
+            let span = spans.taken();
             let _ = self.newsroom.send(News::Took);
             if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
                 self.settle(seq, Outcome::Dropped(DropReason::Deadline));
@@ -454,7 +472,11 @@ impl Turn {
             let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
             verdict.outcome = Some(match served {
                 Err(error) => Outcome::Failed(error.into()),
-                Ok(served) => see(&self.app, frame, Task { served, deadline, explain: false }, queue),
+                Ok(served) => {
+                    let transport = Transport::Stream;
+                    let task = Task { served, deadline, explain: false, transport };
+                    span.in_scope(|| see(&self.app, frame, task, queue))
+                }
             });
             return;
         }

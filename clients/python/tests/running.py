@@ -1,0 +1,56 @@
+"""A running service of the example model, and a short drive through the lab that it knows."""
+
+import os
+import socket
+import subprocess
+import tempfile
+import time
+import unittest
+import urllib.request
+from pathlib import Path
+
+REPOSITORY = Path(__file__).resolve().parents[3]
+BINARY = os.environ.get("ROOMSIGHT", str(REPOSITORY / "target/debug/roomsight"))
+PATIENCE_S = 60.0
+
+
+class RunningService(unittest.TestCase):
+    """What needs a service. It is started once for each class of tests."""
+
+    folder: "tempfile.TemporaryDirectory[str]"
+    process: "subprocess.Popen[bytes]"
+    address: str
+    url: str
+    frames: "list[Path]"
+
+    @classmethod
+    def setUpClass(cls) -> None:
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
+        drive = ["--camera=omni", "--illumination=cloudy1", "--frames-per-second=0.04"]
+        subprocess.run([BINARY, "simulate", cls.folder.name, *drive], check=True, stdout=subprocess.DEVNULL)
+        cls.frames = sorted(Path(cls.folder.name).rglob("*.jpeg"))[:6]
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            cls.address = f"127.0.0.1:{free.getsockname()[1]}"
+        cls.url = f"http://{cls.address}"
+        models = str(REPOSITORY / "models")
+        cls.process = subprocess.Popen(
+            [BINARY, "serve", "--models", models, "--listen", cls.address, "--set", "log_level=error"]
+        )
+        cls.addClassCleanup(cls.process.wait)
+        cls.addClassCleanup(cls.process.terminate)
+        started = time.monotonic()
+        while not is_ready(cls.url):
+            if cls.process.poll() is not None or time.monotonic() - started > PATIENCE_S:
+                raise AssertionError("the service did not get ready")
+            time.sleep(0.05)
+
+
+def is_ready(url: str) -> bool:
+    """Whether a service answers frames."""
+    try:
+        with urllib.request.urlopen(f"{url}/readyz") as answer:
+            return bool(answer.status == 200)
+    except OSError:
+        return False

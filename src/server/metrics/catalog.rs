@@ -1,0 +1,194 @@
+//! All metrics by name: the one source of what a scrape says of them, and of `docs/METRICS.md`.
+
+/// A metric, and what its series differ in.
+pub struct Metric {
+    /// Its name, with its unit, as Prometheus asks.
+    pub name: &'static str,
+    /// What kind of number it is.
+    pub kind: MetricKind,
+    /// The names of its labels.
+    pub labels: &'static [&'static str],
+    /// What it tells.
+    pub help: &'static str,
+}
+
+/// What kind of number a metric is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MetricKind {
+    /// Only grows.
+    Counter,
+    /// What is so now.
+    Gauge,
+    /// How often which value occurred; the upper bounds of its buckets.
+    Histogram(&'static [f64]),
+}
+
+/// From a quarter of a millisecond to ten seconds: doubled where frames are answered, coarser above.
+const SECONDS: &[f64] =
+    &[0.000_25, 0.000_5, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.125, 0.25, 0.5, 1.0, 2.5, 10.0];
+
+impl MetricKind {
+    /// Its name for Prometheus.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Counter => "counter",
+            Self::Gauge => "gauge",
+            Self::Histogram(_) => "histogram",
+        }
+    }
+}
+
+const fn counter(name: &'static str, labels: &'static [&'static str], help: &'static str) -> Metric {
+    Metric { name, kind: MetricKind::Counter, labels, help }
+}
+
+const fn gauge(name: &'static str, labels: &'static [&'static str], help: &'static str) -> Metric {
+    Metric { name, kind: MetricKind::Gauge, labels, help }
+}
+
+const fn seconds(name: &'static str, labels: &'static [&'static str], help: &'static str) -> Metric {
+    Metric { name, kind: MetricKind::Histogram(SECONDS), labels, help }
+}
+
+/// Requests that were answered.
+pub const REQUESTS: Metric = counter(
+    "roomsight_requests_total",
+    &["route", "method", "status"],
+    "Requests that were answered. The route is a path of the API, or (none); the beginning of a stream counts \
+     as one.",
+);
+/// How long requests took.
+pub const REQUEST_DURATION: Metric = seconds(
+    "roomsight_request_duration_seconds",
+    &["route"],
+    "From the head of a request to the head of its answer.",
+);
+/// Frames with an answer or an error.
+pub const FRAMES: Metric = counter(
+    "roomsight_frames_total",
+    &["model", "version", "transport", "outcome"],
+    "Frames by what became of them: answered, a kind of problem, or caller-left. Transports are rest, \
+     stream and oip.",
+);
+/// Frames of streams without either.
+pub const DROPS: Metric = counter(
+    "roomsight_frames_dropped_total",
+    &["reason"],
+    "Frames of streams that were not looked at: superseded, deadline, overload or draining.",
+);
+/// Where the time of frames goes.
+pub const STAGE_DURATION: Metric = seconds(
+    "roomsight_frame_stage_duration_seconds",
+    &["model", "stage"],
+    "Where the time of answered frames went: queue, decode, features, classify.",
+);
+/// What waits for a thread.
+pub const QUEUE_DEPTH: Metric = gauge(
+    "roomsight_queue_depth",
+    &[],
+    "What waits for a thread: frames of requests, and one place for each stream whose frames wait.",
+);
+/// Places for frames of requests.
+pub const SLOTS: Metric =
+    gauge("roomsight_slots", &[], "Frames of requests that may wait or be in work at one time.");
+/// Those that are taken.
+pub const SLOTS_IN_USE: Metric =
+    gauge("roomsight_slots_in_use", &[], "Frames of requests that wait or are in work.");
+/// Recognizing threads.
+pub const THREADS: Metric = gauge("roomsight_threads", &[], "Threads that recognize.");
+/// Those at work.
+pub const THREADS_BUSY: Metric = gauge("roomsight_threads_busy", &[], "Threads that recognize right now.");
+/// Memory that callers hold.
+pub const BODY_BYTES: Metric =
+    gauge("roomsight_body_bytes", &[], "Bytes of bodies and of streamed frames that are held.");
+/// Streams.
+pub const STREAMS: Metric = gauge(
+    "roomsight_streams",
+    &["state"],
+    "Streams: connected, or resumable, that is, waiting for a robot whose connection broke.",
+);
+/// Robots.
+pub const ROBOTS: Metric =
+    gauge("roomsight_robots", &[], "Names of robots that are connected by streams, each counted once.");
+/// Dashboards.
+pub const EVENT_READERS: Metric = gauge("roomsight_event_readers", &[], "Callers that read events.");
+/// What dashboards missed.
+pub const EVENTS_LOST: Metric =
+    counter("roomsight_events_lost_total", &[], "Events that readers lost because they were slow.");
+/// Which versions have a label.
+pub const MODEL_INFO: Metric = gauge(
+    "roomsight_model_info",
+    &["model", "version", "label", "epoch", "digest"],
+    "1 for each version with a label; the digest is the beginning of the model file's.",
+);
+/// States of versions.
+pub const MODEL_VERSIONS: Metric =
+    gauge("roomsight_model_versions", &["state"], "Versions of all models by state.");
+/// How far a shadow agrees.
+pub const SHADOW_FRAMES: Metric = gauge(
+    "roomsight_shadow_frames",
+    &["model", "outcome"],
+    "Frames that a shadow compared with the stable version since it became one: agreed, differed, or skipped \
+     since robots were waiting.",
+);
+/// How far its probabilities are.
+pub const SHADOW_DISTANCE: Metric = gauge(
+    "roomsight_shadow_distance",
+    &["model"],
+    "The sum over the compared frames of the total variation distances of the probabilities, each from 0 to 1.",
+);
+/// Changes of what serves.
+pub const SWAPS: Metric = counter(
+    "roomsight_swaps_total",
+    &["kind", "outcome"],
+    "Changes of what serves: activate, rollback, latest (a new version came), label, unload; done, failed, or \
+     lost to a newer change.",
+);
+/// How long they took.
+pub const SWAP_DURATION: Metric = seconds(
+    "roomsight_swap_duration_seconds",
+    &["kind"],
+    "How long changes of what serves took, loading and warming included; frames are answered meanwhile.",
+);
+/// The program.
+pub const BUILD_INFO: Metric = gauge("roomsight_build_info", &["version"], "1 for the program's version.");
+/// How long it has run.
+pub const UPTIME: Metric = gauge("roomsight_uptime_seconds", &[], "Since the service started.");
+/// Whether it stops.
+pub const DRAINING: Metric = gauge("roomsight_draining", &[], "1 while the service is stopping, else 0.");
+/// Memory.
+pub const RESIDENT_MEMORY: Metric =
+    gauge("process_resident_memory_bytes", &[], "Memory of the process. Only on Linux.");
+/// Processors.
+pub const CPU: Metric =
+    counter("process_cpu_seconds_total", &[], "Processor time of the process. Only on Linux.");
+
+/// All of them.
+pub const ALL: [&Metric; 26] = [
+    &REQUESTS,
+    &REQUEST_DURATION,
+    &FRAMES,
+    &DROPS,
+    &STAGE_DURATION,
+    &QUEUE_DEPTH,
+    &SLOTS,
+    &SLOTS_IN_USE,
+    &THREADS,
+    &THREADS_BUSY,
+    &BODY_BYTES,
+    &STREAMS,
+    &ROBOTS,
+    &EVENT_READERS,
+    &EVENTS_LOST,
+    &MODEL_INFO,
+    &MODEL_VERSIONS,
+    &SHADOW_FRAMES,
+    &SHADOW_DISTANCE,
+    &SWAPS,
+    &SWAP_DURATION,
+    &BUILD_INFO,
+    &UPTIME,
+    &DRAINING,
+    &RESIDENT_MEMORY,
+    &CPU,
+];

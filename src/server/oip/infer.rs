@@ -1,0 +1,156 @@
+//! Frames in, tensors out.
+
+use super::problems::InferProblems;
+use super::{ModelPath, repository};
+use crate::protocol::oip::request::{AskedOutput, InferRequest, Inference};
+use crate::protocol::oip::response::InferResponse;
+use crate::protocol::oip::tensor::Values;
+use crate::protocol::oip::{JSON_LENGTH_HEADER, OutputName};
+use crate::protocol::rest::{Answer, ModelName, RecognizeQuery};
+use crate::server::App;
+use crate::server::answers::answers;
+use crate::server::body::{self, Frame};
+use crate::server::metrics::Transport;
+use crate::server::problem::Problem;
+use crate::server::query::{Asked, Caller};
+use axum::body::Bytes;
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use std::borrow::Cow;
+use utoipa::ToSchema;
+
+/// JSON, and the tensors that follow it, in its order.
+#[derive(ToSchema)]
+#[schema(value_type = String, format = Binary, content_media_type = "application/octet-stream")]
+#[expect(dead_code, reason = "only described; bodies are read and written as bytes")]
+struct JsonAndTensors(Vec<u8>);
+
+/// Tells which rooms frames show
+///
+/// The input `frame` has the datatype BYTES and the shape `[n]` or `[n, 1]`: encoded images, in base64 where
+/// they stand in the JSON, as they are where they follow it (the extension `binary_tensor_data`: the header
+/// `Inference-Header-Content-Length` gives the length of the JSON; a `Content-Type` is not looked at). The
+/// outputs are `room`, `probability`, `known`, `probabilities` (a row for each frame) and `rooms`. The request
+/// fails as a whole where one frame cannot be read.
+#[utoipa::path(
+    post, path = "/v2/models/{name}/infer", tag = "inference", security(("key" = [])),
+    params(("name" = String, Path, description = "The model's name")),
+    request_body(content((InferRequest = "application/json"), (JsonAndTensors = "application/octet-stream"))),
+    responses(
+        (status = OK, description = "The rooms",
+            content((InferResponse = "application/json"), (JsonAndTensors = "application/octet-stream"))),
+        InferProblems
+    )
+)]
+pub async fn infer(State(app): State<App>, path: ModelPath, request: Request) -> Result<Response, Problem> {
+    answer(&app, path, request).await
+}
+
+/// Tells which rooms frames show, by one version of a model
+#[utoipa::path(
+    post, path = "/v2/models/{name}/versions/{version}/infer", tag = "inference", security(("key" = [])),
+    params(
+        ("name" = String, Path, description = "The model's name"),
+        ("version" = u64, Path, description = "The version's number")
+    ),
+    request_body(content((InferRequest = "application/json"), (JsonAndTensors = "application/octet-stream"))),
+    responses(
+        (status = OK, description = "The rooms",
+            content((InferResponse = "application/json"), (JsonAndTensors = "application/octet-stream"))),
+        InferProblems
+    )
+)]
+pub async fn infer_version(
+    State(app): State<App>,
+    path: ModelPath,
+    request: Request,
+) -> Result<Response, Problem> {
+    answer(&app, path, request).await
+}
+
+async fn answer(app: &App, path: ModelPath, request: Request) -> Result<Response, Problem> {
+    // Told before the body is read. Which version answers is chosen when the robot is known.
+    repository::served(app, &path)?;
+    let json_length = json_length(request.headers())?;
+    let caller = Caller::of(request.extensions(), Transport::Oip)?;
+    let (_, body) = body::read(app, request, app.settings.max_batch_bytes).await?;
+    let Inference { id, parameters, outputs, frames } =
+        Inference::read(&body.bytes, json_length, app.settings.max_batch_frames)?;
+    let frames = frames.into_iter().map(|frame| part(&body, frame)).collect();
+    // Images that stood in it in base64 are copies.
+    drop(body);
+    let query = RecognizeQuery {
+        model: Some(path.name),
+        version: path.version,
+        deadline_ms: parameters.wait_ms(),
+        robot: parameters.robot,
+        ..RecognizeQuery::default()
+    };
+    let asked = Asked::new(app, query, caller)?;
+    let served = asked.task.served.clone();
+    let answers = all(answers(app.clone(), asked, frames).await?)?;
+    let mut response = InferResponse::new(&ModelName::from(&*served), id);
+    for output in outputs {
+        push(&mut response, output, &answers, served.model.places());
+    }
+    written(response)
+}
+
+/// The header of Triton's extension for binary tensors.
+fn json_length(headers: &HeaderMap) -> Result<Option<usize>, Problem> {
+    let Some(value) = headers.get(JSON_LENGTH_HEADER) else { return Ok(None) };
+    let length = value.to_str().ok().and_then(|text| text.parse().ok());
+    let wrong = || Problem::Query("Inference-Header-Content-Length must be a whole number of bytes".into());
+    length.map(Some).ok_or_else(wrong)
+}
+
+fn part(body: &Frame, frame: Cow<[u8]>) -> Frame {
+    body.part(match frame {
+        Cow::Borrowed(slice) => body.bytes.slice_ref(slice),
+        Cow::Owned(bytes) => Bytes::from(bytes),
+    })
+}
+
+/// The protocol has no place for the error of one frame.
+fn all(answers: Vec<Result<Answer, Problem>>) -> Result<Vec<Answer>, Problem> {
+    let told = |(frame_idx, answer): (usize, Result<Answer, Problem>)| {
+        answer.map_err(|cause| Problem::Frame { frame_idx, cause: Box::new(cause) })
+    };
+    answers.into_iter().enumerate().map(told).collect()
+}
+
+fn push(response: &mut InferResponse, output: AskedOutput, answers: &[Answer], rooms: &[String]) {
+    let values = match output.name {
+        OutputName::Room => Values::Bytes(answers.iter().map(|answer| answer.room.clone()).collect()),
+        OutputName::Probability => Values::Fp32(answers.iter().map(|answer| answer.probability).collect()),
+        OutputName::Known => Values::Bool(answers.iter().map(|answer| answer.known).collect()),
+        OutputName::Probabilities => {
+            Values::Fp32(answers.iter().flat_map(|answer| probabilities(answer, rooms)).collect())
+        }
+        OutputName::Rooms => Values::Bytes(rooms.to_vec()),
+    };
+    response.push(output, output.name.shape(answers.len() as i64, rooms.len() as i64), values);
+}
+
+/// An answer's probabilities in the order of `rooms`; it has the most probable first.
+fn probabilities(answer: &Answer, rooms: &[String]) -> impl Iterator<Item = f32> {
+    rooms.iter().map(|room| {
+        let found = answer.probabilities.iter().find(|other| other.room == *room);
+        found.map_or(0.0, |found| found.probability)
+    })
+}
+
+fn written(response: InferResponse) -> Result<Response, Problem> {
+    let failed = |_| Problem::Framework(StatusCode::INTERNAL_SERVER_ERROR);
+    let (body, json_length) = response.into_body().map_err(failed)?;
+    Ok(match json_length {
+        None => ([(header::CONTENT_TYPE, "application/json")], body).into_response(),
+        Some(length) => (
+            [(header::CONTENT_TYPE, "application/octet-stream")],
+            [(JSON_LENGTH_HEADER, length.to_string())],
+            body,
+        )
+            .into_response(),
+    })
+}

@@ -1,0 +1,78 @@
+//! What models there are, and which serve: the protocol's view of the registry.
+
+use super::ModelPath;
+use super::problems::{IndexProblems, LoadProblems};
+use crate::protocol::oip::{IndexEntry, IndexRequest, IndexState, LoadRequest};
+use crate::server::problem::Problem;
+use crate::server::registry::{Change, Choice, LookupError, ServedModel};
+use crate::server::{App, body, models};
+use axum::Json;
+use axum::extract::{Request, State};
+use axum::http::StatusCode;
+use std::sync::Arc;
+
+/// The model that answers at a path.
+pub fn served(app: &App, path: &ModelPath) -> Result<Arc<ServedModel>, LookupError> {
+    app.registry.choose(Some(&path.name), &path.version.map_or(Choice::Serving, Choice::Version), None)
+}
+
+/// The versions of a model that can be asked for.
+pub fn ready_versions(app: &App, name: &str) -> Result<Vec<String>, LookupError> {
+    let entry = app.registry.entry(name)?;
+    let ready = entry.versions.iter().filter(|(_, version)| version.loaded().is_some());
+    Ok(ready.map(|(version, _)| version.to_string()).collect())
+}
+
+/// Lists the models and their versions
+#[utoipa::path(
+    post, path = "/v2/repository/index", tag = "inference", security(("key" = [])),
+    request_body = Option<IndexRequest>,
+    responses((status = OK, description = "All versions of all models", body = Vec<IndexEntry>), IndexProblems)
+)]
+pub async fn index(State(app): State<App>, request: Request) -> Result<Json<Vec<IndexEntry>>, Problem> {
+    let IndexRequest { ready } = body::read_json(&app, request).await?;
+    let models = app.registry.entries();
+    let entries = models.iter().flat_map(|(name, entry)| {
+        entry.versions.iter().map(|(number, version)| {
+            let (state, reason) = match version.failure() {
+                _ if version.loaded().is_some() => (IndexState::Ready, String::new()),
+                Some(failure) => (IndexState::Unavailable, failure.to_string()),
+                None => (IndexState::Unavailable, "not loaded".to_owned()),
+            };
+            IndexEntry { name: name.clone(), version: number.to_string(), state, reason }
+        })
+    });
+    Ok(Json(entries.filter(|entry| !ready || entry.state == IndexState::Ready).collect()))
+}
+
+/// Lets the highest version of a model serve
+///
+/// It is loaded and tried first; until then, and where it does not work, what served serves on. Another
+/// version is chosen by `POST /v1/models/{name}/versions/{version}/activate`.
+#[utoipa::path(
+    post, path = "/v2/repository/models/{name}/load", tag = "inference", security(("key" = [])),
+    params(("name" = String, Path, description = "The model's name")),
+    request_body = Option<LoadRequest>,
+    responses((status = OK, description = "It serves"), LoadProblems)
+)]
+pub async fn load(State(app): State<App>, path: ModelPath, request: Request) -> Result<StatusCode, Problem> {
+    let LoadRequest { parameters } = body::read_json(&app, request).await?;
+    if !parameters.is_empty() {
+        return Err(Problem::Query("a model is loaded as it is; leave `parameters` out".into()));
+    }
+    let entry = app.registry.entry(&path.name)?;
+    let (&highest, _) = entry.versions.last_key_value().ok_or(LookupError::NoModel(path.name.clone()))?;
+    models::change(&app, &path.name, Change::Activate(highest), None).await?;
+    Ok(StatusCode::OK)
+}
+
+/// Lets a model serve no longer
+#[utoipa::path(
+    post, path = "/v2/repository/models/{name}/unload", tag = "inference", security(("key" = [])),
+    params(("name" = String, Path, description = "The model's name")),
+    responses((status = OK, description = "It serves no longer"), LoadProblems)
+)]
+pub async fn unload(State(app): State<App>, path: ModelPath) -> Result<StatusCode, Problem> {
+    models::change(&app, &path.name, Change::Unload, None).await?;
+    Ok(StatusCode::OK)
+}
