@@ -95,7 +95,7 @@ struct Trained {
 /// Where the model goes.
 enum Destination<'a> {
     Folder(&'a Path),
-    Repository(Local, &'a str),
+    Repository(Box<Local>, &'a str),
 }
 
 /// Trains, prints the held-out rates, writes the model.
@@ -151,7 +151,8 @@ impl<'a> Destination<'a> {
             }
             (Some(folder), ..) => Ok(Self::Folder(folder)),
             (None, Some(repository), Some(name)) => {
-                Ok(Self::Repository(Local::open_to_add(repository, &args.cache.models_cache)?, name))
+                let local = Local::open_to_add(repository, &args.cache.models_cache)?;
+                Ok(Self::Repository(Box::new(local), name))
             }
             _ => bail!("where does the model go? Give --output, or --publish and --name"),
         }

@@ -142,8 +142,8 @@ fn unpack_tar(mut file: File, into: &Path, limits: &Limits) -> Result<(), Packag
     let mut long_name = None;
     let mut archive = Archive::new(file);
     // Raw, so that no attribute is believed, or read, before it is looked at here.
-    for (entry_idx, entry) in archive.entries().map_err(damaged)?.raw(true).enumerate() {
-        let mut entry = entry.map_err(damaged)?;
+    for (entry_idx, entry) in archive.entries().map_err(|error| damaged(&error))?.raw(true).enumerate() {
+        let mut entry = entry.map_err(|error| damaged(&error))?;
         if entry_idx == limits.max_entries {
             return Err(PackageError::TooMany(limits.max_entries));
         }
@@ -174,7 +174,7 @@ fn announced_name(kind: EntryType, entry: &mut Entry<File>) -> Result<Option<Vec
         return Err(PackageError::Damaged(format!("{size} bytes of attributes are too many")));
     }
     let mut bytes = Vec::new();
-    entry.take(size).read_to_end(&mut bytes).map_err(damaged)?;
+    entry.take(size).read_to_end(&mut bytes).map_err(|error| damaged(&error))?;
     if kind == EntryType::GNULongName {
         // It ends with a zero.
         bytes.truncate(bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len()));
@@ -182,7 +182,7 @@ fn announced_name(kind: EntryType, entry: &mut Entry<File>) -> Result<Option<Vec
     }
     let mut name = None;
     for extension in PaxExtensions::new(&bytes) {
-        let extension = extension.map_err(damaged)?;
+        let extension = extension.map_err(|error| damaged(&error))?;
         match extension.key_bytes() {
             b"path" => name = Some(extension.value_bytes().to_vec()),
             b"size" | b"linkpath" => {
@@ -258,7 +258,7 @@ fn wrong(entry: &str, reason: &str) -> PackageError {
     PackageError::Entry { entry: entry.to_owned(), reason: reason.to_owned() }
 }
 
-fn damaged(error: io::Error) -> PackageError {
+fn damaged(error: &io::Error) -> PackageError {
     PackageError::Damaged(error.to_string())
 }
 

@@ -219,7 +219,7 @@ mod tests {
     #[test]
     fn after_unloading_a_rollback_leads_to_what_was_stable() {
         let unloaded = Record::default().activated(1).with_canary(CANARY).unwrap().unloaded();
-        assert_eq!((unloaded.stable, unloaded.canary, unloaded.settled), (None, None, 1));
+        assert_eq!((unloaded.stable, unloaded.canary, unloaded.settled), (None, None, 3));
         let back = unloaded.rolled_back().unwrap();
         assert_eq!((back.stable, back.previous), (Some(1), None));
     }
