@@ -101,7 +101,7 @@ impl Proxy {
                     let (from, to) = (from.try_clone().unwrap(), to.try_clone().unwrap());
                     let (stalls, is_gone) = (stalls.clone(), is_gone.clone());
                     thread::spawn(move || {
-                        pass(from, to, &|| (stalls.load(Ordering::SeqCst), is_gone.load(Ordering::SeqCst)))
+                        pass(from, to, &|| (stalls.load(Ordering::SeqCst), is_gone.load(Ordering::SeqCst)));
                     });
                 }
             }
