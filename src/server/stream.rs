@@ -6,6 +6,7 @@
 //! | `socket` | the WebSocket: messages in and out |
 //! | `session` | one stream from its first connection to its end |
 //! | `lane` | its frames that wait, and its one place in the queue of the threads |
+//! | `turn` | one of its frames on a thread |
 //! | `ledger` | its frames without an answer, told in order |
 //! | `teller` | what it says: answers, the filter's answers, changes of the model |
 //!
@@ -18,6 +19,7 @@ mod session;
 mod settings;
 mod socket;
 mod teller;
+mod turn;
 
 use super::App;
 use super::auth::{AuthError, KeyName, subprotocols};

@@ -9,6 +9,7 @@ use super::ledger::{Accepted, Ledger, Outcome};
 use super::settings;
 use super::socket::{Close, Incoming, Socket};
 use super::teller::Teller;
+use super::turn::{News, Turn};
 use super::{Arrival, Streams};
 use crate::protocol::event::Event;
 use crate::protocol::header::Header;
@@ -18,9 +19,7 @@ use crate::protocol::stream::{
 use crate::server::App;
 use crate::server::body::{BodyError, Frame};
 use crate::server::metrics::{FrameOutcome, Transport};
-use crate::server::pool::Panicked;
 use crate::server::problem::Problem;
-use crate::server::recognize::{RecognizeError, Task, look};
 use crate::server::registry::Choice;
 use crate::server::robots::Record;
 use crate::server::trace::FrameSpans;
@@ -53,14 +52,6 @@ pub struct Session {
     news: UnboundedReceiver<News>,
     /// For the threads.
     newsroom: UnboundedSender<News>,
-}
-
-/// What a thread tells the stream's task.
-enum News {
-    /// It took a frame, so that the stream may queue again.
-    Took,
-    /// A frame is settled.
-    Settled(u64, Outcome),
 }
 
 /// How a conversation ended.
@@ -446,68 +437,4 @@ fn robot<'a>(settings: &'a StreamSettings, session: &'a str) -> &'a str {
 pub fn text(message: &ServerMessage) -> Utf8Bytes {
     // Plain values always have a JSON form.
     serde_json::to_string(message).unwrap_or_default().into()
-}
-
-/// A stream's turn on a thread.
-struct Turn {
-    app: App,
-    lane: Arc<Lane>,
-    model: String,
-    robot: String,
-    newsroom: UnboundedSender<News>,
-}
-
-impl Turn {
-    /// Takes the stream's first frame that is still in time, and recognizes it.
-    fn run(self) {
-        let choose = || self.app.registry.choose(Some(&self.model), &Choice::Serving, Some(&self.robot));
-        while let Some((Waiting { seq, arrived, deadline, frame, spans }, served)) = self.lane.take(choose) {
-            let span = spans.taken();
-            let _ = self.newsroom.send(News::Took);
-            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
-                self.settle(seq, Outcome::Dropped(DropReason::Deadline));
-                continue;
-            }
-            let queue = arrived.elapsed();
-            let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
-            verdict.outcome = Some(match served {
-                Err(error) => Outcome::Failed(error.into()),
-                Ok(served) => {
-                    let transport = Transport::Stream;
-                    let task = Task { served, deadline, explain: false, transport };
-                    span.in_scope(|| see(&self.app, frame, task, queue))
-                }
-            });
-            return;
-        }
-    }
-
-    fn settle(&self, seq: u64, outcome: Outcome) {
-        let _ = self.newsroom.send(News::Settled(seq, outcome));
-    }
-}
-
-fn see(app: &App, frame: Frame, task: Task, queue: Duration) -> Outcome {
-    match look(app, frame, task, &|| false) {
-        Ok(mut seen) => {
-            seen.timings.queue = queue;
-            Outcome::Seen(Box::new(seen))
-        }
-        Err(error) => Outcome::Failed(error.into()),
-    }
-}
-
-/// What becomes of a frame that a thread took: a panic on the way is an outcome too.
-struct Verdict<'a> {
-    newsroom: &'a UnboundedSender<News>,
-    seq: u64,
-    outcome: Option<Outcome>,
-}
-
-impl Drop for Verdict<'_> {
-    fn drop(&mut self) {
-        let outcome = self.outcome.take();
-        let panicked = || Outcome::Failed(RecognizeError::from(Panicked).into());
-        let _ = self.newsroom.send(News::Settled(self.seq, outcome.unwrap_or_else(panicked)));
-    }
 }

@@ -1,0 +1,91 @@
+//! A stream's turn on a thread: its first frame is taken and recognized, and its task hears what became of it.
+
+use super::lane::{Lane, Waiting};
+use super::ledger::Outcome;
+use crate::protocol::stream::DropReason;
+use crate::server::App;
+use crate::server::body::Frame;
+use crate::server::metrics::Transport;
+use crate::server::pool::Panicked;
+use crate::server::recognize::{RecognizeError, Task, look};
+use crate::server::registry::Choice;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::mpsc::UnboundedSender;
+
+/// What a thread tells the stream's task.
+pub enum News {
+    /// It took a frame, so that the stream may queue again.
+    Took,
+    /// A frame is settled.
+    Settled(u64, Outcome),
+}
+
+/// A stream's turn on a thread.
+pub struct Turn {
+    /// The service.
+    pub app: App,
+    /// The stream's frames that wait.
+    pub lane: Arc<Lane>,
+    /// The model that is asked for.
+    pub model: String,
+    /// Who asks, for the choice of a version.
+    pub robot: String,
+    /// The stream's task.
+    pub newsroom: UnboundedSender<News>,
+}
+
+impl Turn {
+    /// Takes the stream's first frame that is still in time, and recognizes it.
+    pub fn run(self) {
+        let choose = || self.app.registry.choose(Some(&self.model), &Choice::Serving, Some(&self.robot));
+        while let Some((Waiting { seq, arrived, deadline, frame, spans }, served)) = self.lane.take(choose) {
+            let span = spans.taken();
+            let _ = self.newsroom.send(News::Took);
+            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+                self.settle(seq, Outcome::Dropped(DropReason::Deadline));
+                continue;
+            }
+            let queue = arrived.elapsed();
+            let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
+            verdict.outcome = Some(match served {
+                Err(error) => Outcome::Failed(error.into()),
+                Ok(served) => {
+                    let transport = Transport::Stream;
+                    let task = Task { served, deadline, explain: false, transport };
+                    span.in_scope(|| see(&self.app, frame, task, queue))
+                }
+            });
+            return;
+        }
+    }
+
+    fn settle(&self, seq: u64, outcome: Outcome) {
+        let _ = self.newsroom.send(News::Settled(seq, outcome));
+    }
+}
+
+fn see(app: &App, frame: Frame, task: Task, queue: Duration) -> Outcome {
+    match look(app, frame, task, &|| false) {
+        Ok(mut seen) => {
+            seen.timings.queue = queue;
+            Outcome::Seen(Box::new(seen))
+        }
+        Err(error) => Outcome::Failed(error.into()),
+    }
+}
+
+/// What becomes of a frame that a thread took: a panic on the way is an outcome too.
+struct Verdict<'a> {
+    newsroom: &'a UnboundedSender<News>,
+    seq: u64,
+    outcome: Option<Outcome>,
+}
+
+impl Drop for Verdict<'_> {
+    fn drop(&mut self) {
+        let outcome = self.outcome.take();
+        let panicked = || Outcome::Failed(RecognizeError::from(Panicked).into());
+        let _ = self.newsroom.send(News::Settled(self.seq, outcome.unwrap_or_else(panicked)));
+    }
+}
