@@ -206,8 +206,7 @@ impl Registry {
             return Ok(loaded.clone());
         }
         self.enter(&id, State::Verifying);
-        let failed = |error: RepositoryError| Failure { stage: Stage::Verifying, reason: error.to_string() };
-        let folder = self.repository.fetch(&id).map_err(failed);
+        let folder = self.repository.fetch(&id).map_err(Failure::from);
         let result = folder.and_then(|folder| self.load_aside(&folder, |state| self.enter(&id, state)));
         result.map_err(|failure| {
             tracing::error!(version = %id, %failure, "does not serve");
@@ -330,14 +329,14 @@ fn try_model(folder: &Path, mut about_to: impl FnMut(State)) -> Result<Loaded, F
     let golden_frames = load_golden_frames(folder).map_err(loading)?;
     let LoadedModel { model, digest } = file.load().map_err(loading)?;
     about_to(State::Warming);
-    warm(&model, &golden_frames).map_err(|reason| Failure { stage: Stage::Warming, reason })?;
+    warm(&model, &golden_frames).map_err(|reason| Failure::new(Stage::Warming, reason))?;
     Ok(Loaded { model: Arc::new(model), digest })
 }
 
 /// Callers may read the reason: it names the file, not where it lies.
 fn failure(stage: Stage, LoadError { path, reason }: &LoadError) -> Failure {
     let file = path.file_name().unwrap_or_default().to_string_lossy();
-    Failure { stage, reason: format!("{file}: {reason}") }
+    Failure::new(stage, format!("{file}: {reason}"))
 }
 
 #[cfg(test)]
@@ -407,6 +406,23 @@ mod tests {
         let gone = registry.commit("lab", (Change::Activate(2), ticket), Some(&loaded));
         assert!(matches!(gone, Err(ChangeError::Lookup(LookupError::NoVersion(..)))));
         assert_eq!(stable(&registry), Some(1));
+    }
+
+    #[test]
+    fn a_version_whose_files_could_not_be_reached_is_tried_again() {
+        let (_folder, registry) = registry();
+        registry.change("lab", Change::Activate(1), None).unwrap();
+        let failure =
+            |may_pass| State::Failed(Failure { may_pass, ..Failure::new(Stage::Verifying, String::new()) });
+        let record = registry.entry("lab").unwrap().record.activated(2);
+        registry.repository.write_record("lab", &record).unwrap();
+        let id = VersionId::new("lab", 2);
+        registry.enter(&id, failure(false));
+        registry.poll().unwrap();
+        assert_eq!(stable(&registry), Some(1));
+        registry.enter(&id, failure(true));
+        registry.poll().unwrap();
+        assert_eq!(stable(&registry), Some(2));
     }
 
     #[test]

@@ -94,6 +94,22 @@ pub struct Failure {
     pub stage: Stage,
     /// What was wrong.
     pub reason: String,
+    /// The files could not be reached: they may be at the next look.
+    pub may_pass: bool,
+}
+
+impl Failure {
+    /// One that stays as long as the files are the same.
+    pub fn new(stage: Stage, reason: String) -> Self {
+        Self { stage, reason, may_pass: false }
+    }
+}
+
+impl From<RepositoryError> for Failure {
+    fn from(error: RepositoryError) -> Self {
+        let stays = matches!(error, RepositoryError::Damaged { .. } | RepositoryError::NoVersion(_));
+        Self { may_pass: !stays, ..Self::new(Stage::Verifying, error.to_string()) }
+    }
 }
 
 /// A step on the way to serving.

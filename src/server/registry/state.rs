@@ -61,10 +61,14 @@ impl Version {
         version
     }
 
-    /// Looks at its files again. One that was tried in vain is tried again when they change.
+    /// Looks at its files again. One that was tried in vain is tried again when they change, or where they
+    /// could not be reached.
     pub fn look(&mut self, id: &str, fingerprint: &Fingerprint) {
         self.is_settled = self.fingerprint == *fingerprint;
         if self.is_settled {
+            if self.failure().is_some_and(|failure| failure.may_pass) {
+                self.enter(State::Discovered);
+            }
             return;
         }
         self.fingerprint = fingerprint.clone();
