@@ -125,7 +125,8 @@ fn pass(mut from: TcpStream, mut to: TcpStream, state: &dyn Fn() -> (bool, bool)
 
 /// A bucket of its own for a test, seen through a proxy, and a cache.
 struct Lab {
-    moto: Arc<Moto>,
+    /// Runs as long as this is held.
+    _moto: Arc<Moto>,
     proxy: Proxy,
     bucket: &'static str,
     cache: TempDir,
@@ -135,7 +136,7 @@ impl Lab {
     fn new(bucket: &'static str) -> Option<Self> {
         let moto = Moto::shared()?;
         moto.make(bucket);
-        Some(Self { proxy: Proxy::before(&moto), moto, bucket, cache: TempDir::new().unwrap() })
+        Some(Self { proxy: Proxy::before(&moto), _moto: moto, bucket, cache: TempDir::new().unwrap() })
     }
 
     fn open(&self, patience: Duration) -> Bucket {
