@@ -175,7 +175,7 @@ pub(super) fn run(args: &ModelsArgs) -> anyhow::Result<()> {
         }
         ModelsCommand::Push { folder, target } => {
             let id = place.push(folder, target)?;
-            tell_done(json, &id, "is there; let it serve with `models activate`")
+            tell_done(json, &id, "is there; `models list` tells whether it serves, `models activate` lets it")
         }
         ModelsCommand::Activate { id, expected } => {
             place.activate(id, expected.epoch)?;
