@@ -15,6 +15,7 @@ mod golden;
 mod held_out;
 mod machines;
 mod train;
+mod trial;
 
 pub use add::AddError;
 pub use card::{Addition, Card, Measurement};
@@ -26,8 +27,9 @@ pub use folder::{
     VerifiedFile, move_into_place, write_about,
 };
 pub use format::{FORMAT_VERSION, FormatError};
-pub use golden::{GOLDEN_FOLDER, GoldenFrame, load_golden_frames, warm};
+pub use golden::{GOLDEN_FOLDER, GoldenFrame};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep};
+pub use trial::{Stage, TrialError, TriedModel, try_model};
 
 use crate::camera::Camera;
 use crate::filter::Transitions;

@@ -10,12 +10,13 @@
 //! | file | what |
 //! |---|---|
 //! | `name` | how models and versions are called |
-//! | `record` | what is to serve |
+//! | `record`, `change` | what is to serve, and what may be wanted instead |
 //! | `folder`, `bucket`, `single` | the kinds of repositories |
 //! | `fingerprint` | whether files are those that they were |
 //! | `package` | a version as one body, to be uploaded |
 
 mod bucket;
+mod change;
 mod fingerprint;
 mod folder;
 mod name;
@@ -24,6 +25,7 @@ mod record;
 mod single;
 
 pub use bucket::Bucket;
+pub use change::{Change, Role};
 pub use fingerprint::Fingerprint;
 pub use folder::Folder;
 pub use name::{VersionId, is_name};
@@ -101,6 +103,14 @@ pub enum RepositoryError {
         path: PathBuf,
         /// What is wrong.
         reason: String,
+    },
+    /// Somebody else has said what is to serve since it was read.
+    #[error("what serves of {name} was changed meanwhile, its epoch is {epoch}: look again, then decide")]
+    Overtaken {
+        /// The model.
+        name: String,
+        /// Its epoch.
+        epoch: u64,
     },
     /// A bucket that cannot be reached, or says no.
     #[error(
@@ -201,7 +211,8 @@ impl Repository {
         }
     }
 
-    /// Says what is to serve of a model. When this returns it is on the disk.
+    /// Says what is to serve of a model: a record one or more epochs later than the one that is there. When
+    /// this returns it is on the disk.
     pub fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
         match self {
             Self::Single(single) => Err(single.read_only()),
@@ -209,6 +220,14 @@ impl Repository {
             Self::Bucket(bucket) => bucket.write_record(name, record),
         }
     }
+}
+
+/// Whether a record may take the place of the one that is there.
+fn check_later(name: &str, record: &Record, current: &Record) -> Result<(), RepositoryError> {
+    if record.epoch > current.epoch {
+        return Ok(());
+    }
+    Err(RepositoryError::Overtaken { name: name.to_owned(), epoch: current.epoch })
 }
 
 fn io_error(path: &Path) -> impl Fn(io::Error) -> RepositoryError {

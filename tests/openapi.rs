@@ -96,6 +96,19 @@ fn every_call_says_what_can_go_wrong() {
 }
 
 #[test]
+fn no_call_has_a_parameter_twice() {
+    for (name, operation) in operations(&parsed()) {
+        let parameters = operation["parameters"].as_array().map_or(&[][..], Vec::as_slice);
+        let mut seen: Vec<[&Value; 2]> = Vec::new();
+        for parameter in parameters {
+            let identity = [&parameter["in"], &parameter["name"]];
+            assert!(!seen.contains(&identity), "{name}: {identity:?}");
+            seen.push(identity);
+        }
+    }
+}
+
+#[test]
 fn every_reference_leads_somewhere() {
     fn check(value: &Value, document: &Value) {
         match value {

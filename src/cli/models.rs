@@ -9,7 +9,7 @@ use super::output::say;
 use crate::client::Client;
 use crate::protocol::rest::{LabelJson, ModelInfo, VersionInfo};
 use crate::repository::package::pack;
-use crate::repository::{VersionId, is_name};
+use crate::repository::{Canary, Change, VersionId, is_name};
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
@@ -248,17 +248,14 @@ impl Place {
 
     fn activate(&self, id: &VersionId, epoch: Option<u64>) -> anyhow::Result<()> {
         match self {
-            Self::Local(local) => local.activate(id, epoch),
-            Self::Service(client, runtime) => {
-                runtime.block_on(client.activate(id, epoch))?;
-                Ok(())
-            }
+            Self::Local(local) => local.change(&id.name, Change::Activate(id.version), epoch).map(drop),
+            Self::Service(client, runtime) => Ok(runtime.block_on(client.activate(id, epoch)).map(drop)?),
         }
     }
 
     fn rollback(&self, name: &str, epoch: Option<u64>) -> anyhow::Result<ModelInfo> {
         match self {
-            Self::Local(local) => local.rollback(name, epoch),
+            Self::Local(local) => local.change(name, Change::Rollback, epoch),
             Self::Service(client, runtime) => Ok(runtime.block_on(client.rollback(name, epoch))?),
         }
     }
@@ -284,7 +281,7 @@ impl Place {
             (Some(_), true) => bail!("--remove takes the label from whatever has it: give {name} alone"),
         };
         match self {
-            Self::Local(local) => local.label((name, *label), given, expected.epoch),
+            Self::Local(local) => local.change(name, label.change(given), expected.epoch),
             Self::Service(client, runtime) => {
                 let label = (name.as_str(), label.name());
                 Ok(match given {
@@ -314,6 +311,17 @@ impl Label {
         match self {
             Self::Canary => "canary",
             Self::Shadow => "shadow",
+        }
+    }
+
+    /// Giving it to a version, or taking it away.
+    fn change(self, given: Option<LabelJson>) -> Change {
+        match self {
+            Self::Canary => Change::Canary(given.map(|LabelJson { version, share }| {
+                // Out of range, where it was not said: no canary has such a share.
+                Canary { version, share: share.unwrap_or(0.0) }
+            })),
+            Self::Shadow => Change::Shadow(given.map(|given| given.version)),
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The golden frames of a model: a few frames and, in `golden.json`, the answers that it gave when it was saved.
 //! Whoever loads it can tell that it still answers the same.
 
-use super::folder::{LoadError, MAX_SIDE_FILE_BYTES, read_bounded, refused, write_new};
+use super::folder::{LoadError, MAX_SIDE_FILE_BYTES, MODEL_FILE, read_bounded, refused, write_new};
 use super::{Model, Recognition, Scratch};
 use crate::image::{Image, Limits};
 use serde::{Deserialize, Serialize};
@@ -40,7 +40,7 @@ struct GoldenAnswer {
 }
 
 /// The golden frames of a model folder; none when it has none.
-pub fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, LoadError> {
+pub(super) fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, LoadError> {
     let folder = folder.join(GOLDEN_FOLDER);
     let list_path = folder.join(GOLDEN_FILE);
     if !list_path.exists() {
@@ -62,28 +62,36 @@ pub fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, LoadError> 
 
 /// Sends frames through decoding and recognition before a robot does: the golden ones, which must be answered
 /// as when the model was saved, or else a drawn one.
-pub fn warm(model: &Model, golden_frames: &[GoldenFrame]) -> Result<(), String> {
+pub(super) fn warm(model: &Model, folder: &Path, golden_frames: &[GoldenFrame]) -> Result<(), LoadError> {
     if golden_frames.is_empty() {
-        let probability = answer_of(model, &drawn_frame())?.probability();
+        let path = folder.join(MODEL_FILE);
+        let answer = answer_of(model, &drawn_frame()).map_err(|reason| refused(&path, reason))?;
+        let probability = answer.probability();
         let told = format!("a frame is answered with the probability {probability}");
-        return if probability.is_finite() { Ok(()) } else { Err(told) };
+        return if probability.is_finite() { Ok(()) } else { Err(refused(&path, told)) };
     }
-    for golden in golden_frames {
-        let answer =
-            answer_of(model, &golden.bytes).map_err(|reason| format!("{}: {reason}", golden.name))?;
+    golden_frames.iter().try_for_each(|frame| {
+        frame.check(model).map_err(|reason| refused(&folder.join(GOLDEN_FOLDER).join(&frame.name), reason))
+    })
+}
+
+impl GoldenFrame {
+    /// Whether the model answers it as when it was saved; what else it answers.
+    fn check(&self, model: &Model) -> Result<(), String> {
+        let answer = answer_of(model, &self.bytes)?;
         let place = &model.places()[answer.place_idx];
         let probability = answer.probability();
         // A probability that is no number is not close either.
-        let is_close = (probability - golden.probability).abs() <= PROBABILITY_TOLERANCE;
-        if *place != golden.place || !is_close {
-            let GoldenFrame { name, place: expected, probability: expected_probability, .. } = golden;
-            return Err(format!(
-                "the golden frame {name} is answered with {place} ({probability:.3}), \
-                 not with {expected} ({expected_probability:.3})"
-            ));
+        let is_close = (probability - self.probability).abs() <= PROBABILITY_TOLERANCE;
+        if *place == self.place && is_close {
+            return Ok(());
         }
+        let Self { place: expected, probability: expected_probability, .. } = self;
+        Err(format!(
+            "this golden frame is answered with {place} ({probability:.3}), \
+             not with {expected} ({expected_probability:.3})"
+        ))
     }
-    Ok(())
 }
 
 fn answer_of(model: &Model, bytes: &[u8]) -> Result<Recognition, String> {

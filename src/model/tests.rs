@@ -237,7 +237,7 @@ fn folders_are_written_whole_and_damage_is_named() {
     let loaded = Model::load(&folder).unwrap();
     assert_eq!(loaded.digest.len(), 64);
     assert_eq!(loaded.model.places(), model.places());
-    assert_eq!(load_golden_frames(&folder).unwrap(), [golden]);
+    assert_eq!(golden::load_golden_frames(&folder).unwrap(), [golden]);
     assert_eq!(std::fs::read_dir(place.path().join("lab")).unwrap().count(), 1, "nothing temporary is left");
     assert!(matches!(model.save(&folder, &[]), Err(SaveError::Exists(_))));
 

@@ -15,7 +15,9 @@ mod tests;
 use super::name::{check_name, version_number};
 use super::package::{self, Limits, is_file_of_version};
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
-use super::{Fingerprint, Folder, Listing, Record, RepositoryError, Scan, VersionId, io_error, is_name};
+use super::{
+    Fingerprint, Folder, Listing, Record, RepositoryError, Scan, VersionId, check_later, io_error, is_name,
+};
 use crate::model::{self, ABOUT_FILE, GOLDEN_FOLDER, MODEL_FILE, VerifiedFile};
 use object_store::PutMode;
 use object_store::aws::AmazonS3Builder;
@@ -159,19 +161,31 @@ impl Bucket {
     }
 
     pub(super) fn record(&self, name: &str) -> Result<Record, RepositoryError> {
+        Ok(self.read_record(name)?.0)
+    }
+
+    /// The record, and how another one takes its place as long as nobody else's has.
+    fn read_record(&self, name: &str) -> Result<(Record, PutMode), RepositoryError> {
         check_name(name)?;
         let path = format!("{name}/{RECORD_FILE}");
-        let Some(json) = self.remote.read(&path, MAX_RECORD_BYTES)? else { return Ok(Record::default()) };
-        Record::from_json(&json).map_err(|reason| RepositoryError::Record { path: path.into(), reason })
+        let Some((json, version)) = self.remote.read(&path, MAX_RECORD_BYTES)? else {
+            return Ok((Record::default(), PutMode::Create));
+        };
+        let record = Record::from_json(&json);
+        let record = record.map_err(|reason| RepositoryError::Record { path: path.into(), reason })?;
+        Ok((record, PutMode::Update(version)))
     }
 
     pub(super) fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
-        check_name(name)?;
+        let (current, mode) = self.read_record(name)?;
+        check_later(name, record, &current)?;
         let path = format!("{name}/{RECORD_FILE}");
         let json =
             serde_json::to_vec_pretty(record).map_err(|error| io_error(Path::new(&path))(error.into()))?;
-        self.remote.write(&path, json, PutMode::Overwrite)?;
-        Ok(())
+        if self.remote.write(&path, json, mode)? {
+            return Ok(());
+        }
+        check_later(name, record, &self.record(name)?)
     }
 
     /// What the bucket has now.

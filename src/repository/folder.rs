@@ -6,7 +6,7 @@
 
 use super::name::{check_name, version_number};
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
-use super::{Fingerprint, Listing, Record, RepositoryError, Scan, VersionId, io_error, is_name};
+use super::{Fingerprint, Listing, Record, RepositoryError, Scan, VersionId, check_later, io_error, is_name};
 use crate::model::{self, MODEL_FILE};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -102,7 +102,10 @@ impl Folder {
     pub(super) fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
         check_name(name)?;
         self.make_folder(name)?;
-        let path = self.root.join(name).join(RECORD_FILE);
+        let folder = self.root.join(name);
+        let path = folder.join(RECORD_FILE);
+        let _lock = lock_record(&folder).map_err(io_error(&folder))?;
+        check_later(name, record, &read_record(&path)?)?;
         let staged = self.stage()?;
         let unfinished = staged.path().join(RECORD_FILE);
         let write = || -> io::Result<()> {
@@ -112,7 +115,7 @@ impl Folder {
             fs::rename(&unfinished, &path)
         };
         write().map_err(io_error(&path))?;
-        sync(&self.root.join(name))
+        sync(&folder)
     }
 
     /// Where a version lies.
@@ -198,6 +201,13 @@ fn lock(root: &Path) -> io::Result<Option<File>> {
         file.unlock()?;
     }
     Ok(file.lock_shared().is_ok().then_some(file))
+}
+
+/// Lets other processes wait until a record is read and written, where there are locks.
+fn lock_record(folder: &Path) -> io::Result<File> {
+    let file = File::options().create(true).append(true).open(folder.join(LOCK_FILE))?;
+    let _ = file.lock();
+    Ok(file)
 }
 
 /// What lies in a folder, hidden things left out.
@@ -370,6 +380,9 @@ mod tests {
         let repository = open(root.path());
         assert_eq!(repository.record("lab").unwrap(), record);
         assert_eq!(repository.scan().unwrap().models["lab"].record, record);
+        let late = repository.write_record("lab", &Record::default().activated(2));
+        assert!(matches!(late, Err(RepositoryError::Overtaken { epoch: 2, .. })));
+        assert_eq!(repository.record("lab").unwrap(), record);
         fs::write(root.path().join("lab").join(RECORD_FILE), "{").unwrap();
         assert!(matches!(repository.record("lab"), Err(RepositoryError::Record { .. })));
         let scan = repository.scan().unwrap();

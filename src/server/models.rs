@@ -1,14 +1,16 @@
 //! The calls about models: what there is, what serves, and changes of both.
 
 use super::App;
-use super::openapi::{ChangeProblems, ModelProblems, TarBytes, UploadProblems};
+use super::openapi::{
+    ChangeProblems, IfMatch, ModelProblems, NameParam, TarBytes, UploadProblems, VersionParams,
+};
 use super::pool::Panicked;
 use super::problem::Problem;
 use super::recognize::RecognizeError;
-use super::registry::{Change, ChangeError};
+use super::registry::ChangeError;
 use super::upload::upload;
 use crate::protocol::rest::{LabelJson, ModelInfo, ModelList, VersionInfo};
-use crate::repository::{Canary, RepositoryError, VersionId};
+use crate::repository::{Canary, Change, RepositoryError, VersionId};
 use axum::Json;
 use axum::body::Body;
 use axum::extract::rejection::{JsonRejection, PathRejection};
@@ -60,7 +62,7 @@ pub async fn list_models(State(app): State<App>) -> Json<ModelList> {
 /// One model
 #[utoipa::path(
     get, path = "/v1/models/{name}", tag = "models", security(("key" = [])),
-    params(("name" = String, Path, description = "The model's name")),
+    params(("name" = String, Path, description = "The model's name.")),
     responses(
         (status = OK, description = "The model and its versions", body = ModelInfo,
             headers(("ETag" = String, description = "The model's epoch, for `If-Match`"))),
@@ -76,10 +78,7 @@ pub async fn show_model(State(app): State<App>, Path(name): Path<String>) -> Res
 /// With its card: how it was trained, and how well it did.
 #[utoipa::path(
     get, path = "/v1/models/{name}/versions/{version}", tag = "models", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("version" = u64, Path, description = "The version's number")
-    ),
+    params(VersionParams),
     responses((status = OK, description = "The version", body = VersionInfo), ModelProblems)
 )]
 pub async fn show_version(
@@ -98,10 +97,7 @@ pub async fn show_version(
 /// serve at once where it is newer than all that served.
 #[utoipa::path(
     put, path = "/v1/models/{name}/versions/{version}", tag = "models", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("version" = u64, Path, description = "The version's number")
-    ),
+    params(VersionParams),
     request_body(content((TarBytes = "application/x-tar"), (TarBytes = "application/octet-stream"))),
     responses((status = CREATED, description = "The version", body = VersionInfo), UploadProblems)
 )]
@@ -122,11 +118,7 @@ pub async fn upload_version(
 /// Not one that serves: stable, canary or shadow.
 #[utoipa::path(
     delete, path = "/v1/models/{name}/versions/{version}", tag = "models", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("version" = u64, Path, description = "The version's number"),
-        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
-    ),
+    params(VersionParams, IfMatch),
     responses((status = NO_CONTENT, description = "It is gone"), ChangeProblems)
 )]
 pub async fn delete_version(
@@ -144,11 +136,7 @@ pub async fn delete_version(
 /// of it by `model_changed`.
 #[utoipa::path(
     post, path = "/v1/models/{name}/versions/{version}/activate", tag = "models", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("version" = u64, Path, description = "The version's number"),
-        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
-    ),
+    params(VersionParams, IfMatch),
     responses((status = OK, description = "The version that serves now", body = VersionInfo), ChangeProblems)
 )]
 pub async fn activate(
@@ -165,10 +153,7 @@ pub async fn activate(
 /// It is still in memory, so that this takes no time. A second rollback leads back.
 #[utoipa::path(
     post, path = "/v1/models/{name}/rollback", tag = "models", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
-    ),
+    params(("name" = String, Path, description = "The model's name."), IfMatch),
     responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)
 )]
 pub async fn rollback(
@@ -187,11 +172,8 @@ pub async fn rollback(
 /// the version.
 #[utoipa::path(
     put, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("label" = inline(Label), Path, description = "The label"),
-        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
-    ), request_body(content = LabelJson),
+    params(NameParam, ("label" = inline(Label), Path, description = "The label"), IfMatch),
+    request_body(content = LabelJson),
     responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)
 )]
 pub async fn set_label(
@@ -219,11 +201,7 @@ pub async fn set_label(
 /// Takes a label away
 #[utoipa::path(
     delete, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("label" = inline(Label), Path, description = "The label"),
-        ("If-Match" = Option<String>, Header, description = "The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done")
-    ),
+    params(NameParam, ("label" = inline(Label), Path, description = "The label"), IfMatch),
     responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)
 )]
 pub async fn remove_label(

@@ -13,6 +13,7 @@ mod problems;
 mod repository;
 
 use super::App;
+use super::openapi::{NameParam, VersionParams};
 use super::problem::Problem;
 use super::registry::Choice;
 use crate::protocol::oip::{EXTENSIONS, ModelMetadata, ModelReady, ServerLive, ServerMetadata, ServerReady};
@@ -107,7 +108,7 @@ async fn server_ready(State(app): State<App>) -> Result<Json<ServerReady>, Probl
 /// What a model takes and gives
 #[utoipa::path(
     get, path = "/v2/models/{name}", tag = "inference", security(("key" = [])),
-    params(("name" = String, Path, description = "The model's name")),
+    params(NameParam),
     responses((status = OK, description = "Its tensors", body = ModelMetadata), ModelProblems)
 )]
 async fn show_model(State(app): State<App>, path: ModelPath) -> Result<Json<ModelMetadata>, Problem> {
@@ -117,10 +118,7 @@ async fn show_model(State(app): State<App>, path: ModelPath) -> Result<Json<Mode
 /// What a version of a model takes and gives
 #[utoipa::path(
     get, path = "/v2/models/{name}/versions/{version}", tag = "inference", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("version" = u64, Path, description = "The version's number")
-    ),
+    params(VersionParams),
     responses((status = OK, description = "Its tensors", body = ModelMetadata), ModelProblems)
 )]
 async fn show_version(State(app): State<App>, path: ModelPath) -> Result<Json<ModelMetadata>, Problem> {
@@ -130,7 +128,7 @@ async fn show_version(State(app): State<App>, path: ModelPath) -> Result<Json<Mo
 /// Whether a model answers
 #[utoipa::path(
     get, path = "/v2/models/{name}/ready", tag = "inference", security(("key" = [])),
-    params(("name" = String, Path, description = "The model's name")),
+    params(NameParam),
     responses((status = OK, description = "It answers", body = ModelReady), ModelProblems)
 )]
 async fn model_ready(State(app): State<App>, path: ModelPath) -> Result<Json<ModelReady>, Problem> {
@@ -140,10 +138,7 @@ async fn model_ready(State(app): State<App>, path: ModelPath) -> Result<Json<Mod
 /// Whether a version of a model answers
 #[utoipa::path(
     get, path = "/v2/models/{name}/versions/{version}/ready", tag = "inference", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("version" = u64, Path, description = "The version's number")
-    ),
+    params(VersionParams),
     responses((status = OK, description = "It answers", body = ModelReady), ModelProblems)
 )]
 async fn version_ready(State(app): State<App>, path: ModelPath) -> Result<Json<ModelReady>, Problem> {

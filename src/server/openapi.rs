@@ -7,7 +7,7 @@ use axum::http::header::RETRY_AFTER;
 use std::collections::BTreeMap;
 use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
 use utoipa::openapi::{Content, HeaderBuilder, Ref, RefOr, Response};
-use utoipa::{IntoResponses, Modify, OpenApi, ToSchema};
+use utoipa::{IntoParams, IntoResponses, Modify, OpenApi, ToSchema};
 
 /// The name of the security scheme.
 const KEY: &str = "key";
@@ -54,6 +54,36 @@ pub struct FrameForm {
 pub struct BatchForm {
     /// The images, each in a field `frame`.
     frame: Vec<ImageBytes>,
+}
+
+/// The model that a path names.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Path)]
+#[expect(dead_code, reason = "only described; handlers take it from the path")]
+pub struct NameParam {
+    /// The model's name.
+    name: String,
+}
+
+/// The version that a path names.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Path)]
+#[expect(dead_code, reason = "only described; handlers take it from the path")]
+pub struct VersionParams {
+    /// The model's name.
+    name: String,
+    /// The version's number.
+    version: u64,
+}
+
+/// The epoch that a change builds on.
+#[derive(IntoParams)]
+#[into_params(parameter_in = Header)]
+#[expect(dead_code, reason = "only described; `models::Expected` reads it")]
+pub struct IfMatch {
+    /// The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done.
+    #[param(rename = "If-Match")]
+    epoch: Option<String>,
 }
 
 /// What can go wrong with a frame or a batch of them.

@@ -392,7 +392,9 @@ pub fn repository_kind(error: &RepositoryError) -> Kind {
     match error {
         RepositoryError::Name(_) => K::BadRequest,
         RepositoryError::NoVersion(_) => K::NoSuchModel,
-        RepositoryError::Exists(_) | RepositoryError::ReadOnly(_) => K::Conflict,
+        RepositoryError::Exists(_) | RepositoryError::ReadOnly(_) | RepositoryError::Overtaken { .. } => {
+            K::Conflict
+        }
         _ => K::NoRepository,
     }
 }

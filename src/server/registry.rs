@@ -21,8 +21,7 @@ mod served;
 mod shadow;
 mod state;
 
-pub use change::Change;
-pub use error::{ChangeError, Failure, LookupError, RegistryError, Stage};
+pub use error::{ChangeError, Failure, LookupError, RegistryError};
 pub use served::{CANARY, Choice, PREVIOUS, SHADOW, STABLE, ServedModel, Serving};
 pub use shadow::{Place, Shadow, Tally, distance};
 pub use state::Version;
@@ -30,7 +29,7 @@ pub use state::Version;
 use super::events::Events;
 use super::metrics::Metrics;
 use super::settings::Policy;
-use crate::repository::{Record, Repository};
+use crate::repository::{Record, Repository, Role};
 use arc_swap::{ArcSwap, Guard};
 use served::Table;
 use std::collections::{BTreeMap, BTreeSet};
@@ -76,8 +75,8 @@ pub struct Entry {
     is_followed: bool,
     /// Changes that were begun.
     n_begun: u64,
-    /// The youngest change that took effect: an older one that ends later has lost.
-    committed: u64,
+    /// The youngest change of each role that took effect: an older one that ends later has lost.
+    committed: BTreeMap<Role, u64>,
 }
 
 impl Registry {
@@ -88,12 +87,7 @@ impl Registry {
 
     /// The model of requests that name none.
     pub fn default_name(&self) -> Option<String> {
-        if !self.default_name.is_empty() {
-            return Some(self.default_name.clone());
-        }
-        let table = self.table();
-        let first = table.iter().find(|(_, serving)| serving.stable.is_some());
-        first.map(|(name, _)| name.clone())
+        self.default_in(&self.table()).map(str::to_owned)
     }
 
     /// The model that answers a request of a robot, where one is named.
@@ -103,12 +97,8 @@ impl Registry {
         choice: &Choice,
         robot: Option<&str>,
     ) -> Result<Arc<ServedModel>, LookupError> {
-        let default_name = match name {
-            Some(_) => None,
-            None => Some(self.default_name().ok_or(LookupError::Empty)?),
-        };
-        let name = name.or(default_name.as_deref()).unwrap_or_default();
         let table = self.table();
+        let name = name.or_else(|| self.default_in(&table)).ok_or(LookupError::Empty)?;
         let Some(serving) = table.get(name) else { return Err(self.absent(name)) };
         match (serving.choose(name, choice, robot), choice) {
             (Err(LookupError::NotReady(..)), Choice::Version(version)) => {
@@ -142,6 +132,13 @@ impl Registry {
     /// What serves under a name.
     pub fn serving(&self, name: &str) -> Serving {
         self.table().get(name).cloned().unwrap_or_default()
+    }
+
+    fn default_in<'a>(&'a self, table: &'a Table) -> Option<&'a str> {
+        if !self.default_name.is_empty() {
+            return Some(&self.default_name);
+        }
+        table.iter().find(|(_, serving)| serving.stable.is_some()).map(|(name, _)| name.as_str())
     }
 
     /// Why nothing serves under a name.

@@ -35,6 +35,8 @@ fn walk(place: &[&str]) {
     }
     step(&["activate", "lab/1"]);
     step(&["activate", "lab/2"]);
+    // Nothing changes.
+    step(&["activate", "lab/2"]);
     let shown = step(&["show", "lab"]);
     assert_eq!(labels(&shown), ["3", "2 stable", "1 previous"]);
     assert_eq!(step(&["rollback", "lab"])["version"], 1);
@@ -120,7 +122,7 @@ fn verify_tells_versions_that_would_not_serve() {
     fs::write(&list, swapped).unwrap();
     let told = roomsight(&["models", "--models", &repository, "verify"]);
     assert_eq!(told.code, FAILED);
-    assert!(told.out.contains("the golden frame dots.png") && told.err.contains("1 of 2"), "{}", told.out);
+    assert!(told.out.contains("dots.png: this golden frame") && told.err.contains("1 of 2"), "{}", told.out);
     assert_eq!(models(&place, &["verify", "lab/1"]).as_array().unwrap().len(), 1);
     let error = refused(FAILED, &["models", "--models", &repository, "activate", "lab/2"]);
     assert!(error.contains("golden frame"), "{error}");

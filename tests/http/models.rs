@@ -1,5 +1,6 @@
 //! Models come and go while the service answers.
 
+use crate::command::Running;
 use crate::robot::Robot;
 use crate::service::{
     OTHER_MODEL, SOON, Server, client, frame, models, problem, room, success, write_damaged_model,
@@ -388,20 +389,23 @@ async fn concurrent_changes_leave_one_version_and_lose_no_frame() {
     assert_eq!(server.answer("").await.0, stable);
 }
 
+#[cfg(unix)]
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stop_does_not_wait_for_a_model_that_is_being_loaded() {
     let folder = models();
-    let mut server = Server::of(settings(&folder)).await;
-    let (address, body) = (server.url.clone(), other_packed(&[golden("x")]));
-    let uploading = tokio::spawn(async move {
-        client().put(format!("{address}/v1/models/lab/versions/2")).body(body).send().await
-    });
-    server.stop();
-    tokio::time::timeout(SOON, server.stopped()).await.unwrap();
-    // Taken, refused because of the stop, or cut off: the folder is whole in any case.
-    let _ = uploading.await.unwrap();
-    let server = Server::of(settings(&folder)).await;
-    assert!([1, 2].contains(&server.answer("").await.0));
+    let poll = "models_poll_ms=20";
+    let mut running = Running::start(&["--models", folder.path().to_str().unwrap(), "--set", poll]);
+    let version = folder.path().join("lab/2");
+    fs::create_dir(&version).unwrap();
+    // Whoever opens it waits for somebody to write.
+    let made = std::process::Command::new("mkfifo").arg(version.join("model.json")).status().unwrap();
+    assert!(made.success());
+    fs::write(version.join("model.safetensors"), "never read").unwrap();
+    let url = format!("{}/v1/models/lab", running.url);
+    let lab = async || client().get(&url).send().await.unwrap().json::<Value>().await.unwrap();
+    until(async || lab().await["versions"][0]["state"] == "verifying").await;
+    let stopped = tokio::task::spawn_blocking(move || running.stop());
+    tokio::time::timeout(SOON, stopped).await.expect("it stops soon").unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -1,10 +1,10 @@
 //! Models in a repository, changed without a service.
 
-use super::{Label, Target};
-use crate::model::{LoadedModel, VerifiedFile, load_golden_frames, warm};
-use crate::protocol::rest::{LabelJson, ModelInfo, VersionInfo, VersionState};
+use super::Target;
+use crate::model::{LoadedModel, Model, TriedModel, try_model};
+use crate::protocol::rest::{ModelInfo, VersionInfo, VersionState};
 use crate::repository::package::copy;
-use crate::repository::{Canary, Listing, Record, Repository, VersionId};
+use crate::repository::{Change, Listing, Record, Repository, VersionId};
 use anyhow::{Context, bail, ensure};
 use serde::Serialize;
 use std::fs;
@@ -47,7 +47,7 @@ impl Local {
     pub fn push(&self, folder: &Path, name: &str, version: Option<u64>) -> anyhow::Result<VersionId> {
         let staged = self.0.stage()?;
         copy(folder, staged.path()).with_context(|| format!("{} holds no model", folder.display()))?;
-        load_and_try(staged.path())?;
+        try_model(staged.path(), |_| ())?;
         let version = version.map_or_else(|| self.next_version(name), Ok)?;
         let id = VersionId::new(name, version);
         self.0.publish(&id, staged)?;
@@ -72,7 +72,7 @@ impl Local {
     }
 
     pub(super) fn version(&self, id: &VersionId) -> anyhow::Result<VersionInfo> {
-        let LoadedModel { model, digest } = VerifiedFile::read(&self.0.fetch(id)?)?.load()?;
+        let LoadedModel { model, digest } = Model::load(&self.0.fetch(id)?)?;
         Ok(VersionInfo {
             digest: Some(digest),
             rooms: Some(model.places().to_vec()),
@@ -81,18 +81,16 @@ impl Local {
         })
     }
 
-    pub(super) fn activate(&self, id: &VersionId, epoch: Option<u64>) -> anyhow::Result<()> {
-        load_and_try(&self.0.fetch(id)?)?;
-        let record = self.record(&id.name, epoch)?;
-        Ok(self.0.write_record(&id.name, &record.activated(id.version))?)
-    }
-
-    pub(super) fn rollback(&self, name: &str, epoch: Option<u64>) -> anyhow::Result<ModelInfo> {
-        let record = self.record(name, epoch)?.rolled_back()?;
-        if let Some(version) = record.stable {
-            load_and_try(&self.0.fetch(&VersionId::new(name, version))?)?;
+    /// Changes what serves, once what is to serve has been tried; returns the model as it is then.
+    pub(super) fn change(&self, name: &str, change: Change, epoch: Option<u64>) -> anyhow::Result<ModelInfo> {
+        let record = self.record(name, epoch)?;
+        let changed = change.of(&record)?;
+        if let Some(version) = change.wants(&changed) {
+            self.try_version(&VersionId::new(name, version))?;
         }
-        self.0.write_record(name, &record)?;
+        if changed != record {
+            self.0.write_record(name, &changed)?;
+        }
         self.model(name)
     }
 
@@ -103,28 +101,6 @@ impl Local {
             self.0.write_record(&id.name, &without)?;
         }
         Ok(self.0.delete(id)?)
-    }
-
-    pub(super) fn label(
-        &self,
-        (name, label): (&str, Label),
-        given: Option<LabelJson>,
-        epoch: Option<u64>,
-    ) -> anyhow::Result<ModelInfo> {
-        let record = self.record(name, epoch)?;
-        if let Some(LabelJson { version, .. }) = given {
-            load_and_try(&self.0.fetch(&VersionId::new(name, version))?)?;
-        }
-        let changed = match (label, given) {
-            (Label::Canary, Some(LabelJson { version, share })) => {
-                record.with_canary(Canary { version, share: share.unwrap_or_default() })?
-            }
-            (Label::Shadow, Some(LabelJson { version, .. })) => record.with_shadow(version)?,
-            (Label::Canary, None) => record.without_canary(),
-            (Label::Shadow, None) => record.without_shadow(),
-        };
-        self.0.write_record(name, &changed)?;
-        self.model(name)
     }
 
     pub(super) fn verify(&self, target: Option<&Target>) -> anyhow::Result<Vec<Verdict>> {
@@ -144,10 +120,16 @@ impl Local {
     }
 
     fn verdict(&self, id: &VersionId) -> Verdict {
-        let tried = self.folder(id).and_then(|folder| load_and_try(&folder));
         let VersionId { name: model, version } = id.clone();
-        let golden_frames = *tried.as_ref().unwrap_or(&0);
-        Verdict { model, version, golden_frames, failure: tried.err().map(|error| format!("{error:#}")) }
+        let (golden_frames, failure) = match self.try_version(id) {
+            Ok(TriedModel { n_golden_frames, .. }) => (n_golden_frames, None),
+            Err(error) => (0, Some(format!("{error:#}"))),
+        };
+        Verdict { model, version, golden_frames, failure }
+    }
+
+    fn try_version(&self, id: &VersionId) -> anyhow::Result<TriedModel> {
+        Ok(try_model(&self.0.fetch(id)?, |_| ())?)
     }
 
     /// One more than any that there was.
@@ -165,14 +147,6 @@ impl Local {
         }
         Ok(record)
     }
-}
-
-/// Loads the model in a folder and lets it answer its golden frames; returns how many there are.
-fn load_and_try(folder: &Path) -> anyhow::Result<usize> {
-    let LoadedModel { model, .. } = VerifiedFile::read(folder)?.load()?;
-    let golden_frames = load_golden_frames(folder)?;
-    warm(&model, &golden_frames).map_err(anyhow::Error::msg)?;
-    Ok(golden_frames.len())
 }
 
 fn model_info(name: &str, listing: &Listing) -> ModelInfo {

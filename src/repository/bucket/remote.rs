@@ -9,6 +9,7 @@ use object_store::aws::{AmazonS3, AmazonS3Builder, AmazonS3ConfigKey};
 use object_store::path::Path as Key;
 use object_store::{
     ClientConfigKey, Error, GetResult, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode, RetryConfig,
+    UpdateVersion,
 };
 use std::fs::File;
 use std::io::Write;
@@ -105,18 +106,25 @@ impl Remote {
         Ok(found.into_iter().filter_map(|meta| self.object(meta)).collect())
     }
 
-    /// The bytes of a small object; none where there is no such thing.
-    pub fn read(&self, path: &str, max_bytes: u64) -> Result<Option<Vec<u8>>, RepositoryError> {
+    /// The bytes of a small object, and what names them where others are to take their place; none where there is
+    /// no such thing.
+    pub fn read(
+        &self,
+        path: &str,
+        max_bytes: u64,
+    ) -> Result<Option<(Vec<u8>, UpdateVersion)>, RepositoryError> {
         let (store, key, patience) = (self.store.clone(), self.key(path)?, self.patience);
         self.wait(async move {
             let Some(found) = get(&store, &key, patience).await? else { return Ok(None) };
+            let GetResult { meta: ObjectMeta { e_tag, version, .. }, .. } = &found;
+            let version = UpdateVersion { e_tag: e_tag.clone(), version: version.clone() };
             let mut bytes = Vec::new();
             receive(found, (max_bytes, patience), |piece| {
                 bytes.extend_from_slice(piece);
                 Ok(())
             })
             .await?;
-            Ok(Some(bytes))
+            Ok(Some((bytes, version)))
         })
     }
 
@@ -132,7 +140,7 @@ impl Remote {
         })
     }
 
-    /// Writes an object; where it must be new, whether it was.
+    /// Writes an object; where it must be new or take the place of certain bytes, whether it did.
     pub fn write(&self, path: &str, bytes: Vec<u8>, mode: PutMode) -> Result<bool, RepositoryError> {
         let (store, key) = (self.store.clone(), self.key(path)?);
         let patience = self.patience + Duration::from_secs(bytes.len() as u64 / SLOWEST_UPLOAD);

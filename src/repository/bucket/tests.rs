@@ -240,6 +240,22 @@ fn damaged_bytes_do_not_enter_the_cache() {
 }
 
 #[test]
+fn of_two_who_decide_at_once_one_is_told_so() {
+    let Some(lab) = Lab::new("both") else { return };
+    let (bucket, other) = (lab.open(BRIEF), lab.open(BRIEF));
+    let first = Record::default().activated(1);
+    for _ in 0..2 {
+        let (before, mode) = bucket.read_record("lab").unwrap();
+        let theirs = before.activated(before.epoch + 1);
+        other.write_record("lab", &theirs).unwrap();
+        let ours = serde_json::to_vec(&before.activated(9)).unwrap();
+        assert!(!bucket.remote.write("lab/serving.json", ours, mode).unwrap());
+        assert!(matches!(bucket.write_record("lab", &first), Err(RepositoryError::Overtaken { .. })));
+        assert_eq!(bucket.record("lab").unwrap(), theirs);
+    }
+}
+
+#[test]
 fn without_its_server_a_bucket_has_what_it_had() {
     let Some(lab) = Lab::new("gone") else { return };
     let bucket = lab.open(BRIEF);

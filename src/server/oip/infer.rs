@@ -11,6 +11,7 @@ use crate::server::App;
 use crate::server::answers::answers;
 use crate::server::body::{self, Frame};
 use crate::server::metrics::Transport;
+use crate::server::openapi::{NameParam, VersionParams};
 use crate::server::problem::Problem;
 use crate::server::query::{Asked, Caller};
 use axum::body::Bytes;
@@ -35,7 +36,7 @@ struct JsonAndTensors(Vec<u8>);
 /// fails as a whole where one frame cannot be read.
 #[utoipa::path(
     post, path = "/v2/models/{name}/infer", tag = "inference", security(("key" = [])),
-    params(("name" = String, Path, description = "The model's name")),
+    params(NameParam),
     request_body(content((InferRequest = "application/json"), (JsonAndTensors = "application/octet-stream"))),
     responses(
         (status = OK, description = "The rooms",
@@ -50,10 +51,7 @@ pub async fn infer(State(app): State<App>, path: ModelPath, request: Request) ->
 /// Tells which rooms frames show, by one version of a model
 #[utoipa::path(
     post, path = "/v2/models/{name}/versions/{version}/infer", tag = "inference", security(("key" = [])),
-    params(
-        ("name" = String, Path, description = "The model's name"),
-        ("version" = u64, Path, description = "The version's number")
-    ),
+    params(VersionParams),
     request_body(content((InferRequest = "application/json"), (JsonAndTensors = "application/octet-stream"))),
     responses(
         (status = OK, description = "The rooms",

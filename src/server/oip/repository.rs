@@ -3,8 +3,10 @@
 use super::ModelPath;
 use super::problems::{IndexProblems, LoadProblems};
 use crate::protocol::oip::{IndexEntry, IndexRequest, IndexState, LoadRequest};
+use crate::repository::Change;
+use crate::server::openapi::NameParam;
 use crate::server::problem::Problem;
-use crate::server::registry::{Change, Choice, LookupError, ServedModel};
+use crate::server::registry::{Choice, LookupError, ServedModel};
 use crate::server::{App, body, models};
 use axum::Json;
 use axum::extract::{Request, State};
@@ -51,7 +53,7 @@ pub async fn index(State(app): State<App>, request: Request) -> Result<Json<Vec<
 /// version is chosen by `POST /v1/models/{name}/versions/{version}/activate`.
 #[utoipa::path(
     post, path = "/v2/repository/models/{name}/load", tag = "inference", security(("key" = [])),
-    params(("name" = String, Path, description = "The model's name")),
+    params(NameParam),
     request_body = Option<LoadRequest>,
     responses((status = OK, description = "It serves"), LoadProblems)
 )]
@@ -69,7 +71,7 @@ pub async fn load(State(app): State<App>, path: ModelPath, request: Request) -> 
 /// Lets a model serve no longer
 #[utoipa::path(
     post, path = "/v2/repository/models/{name}/unload", tag = "inference", security(("key" = [])),
-    params(("name" = String, Path, description = "The model's name")),
+    params(NameParam),
     responses((status = OK, description = "It serves no longer"), LoadProblems)
 )]
 pub async fn unload(State(app): State<App>, path: ModelPath) -> Result<StatusCode, Problem> {

@@ -3,31 +3,19 @@
 use super::aside::aside;
 use super::served::Table;
 use super::state::{Loaded, State};
-use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, Stage, lock};
-use crate::model::{LoadError, LoadedModel, VerifiedFile, load_golden_frames, warm};
+use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, lock};
+use crate::model::{LoadedModel, Stage, TriedModel, try_model};
 use crate::protocol::event::Event;
 use crate::protocol::rest::ModelName;
-use crate::repository::{Canary, Record, RecordError, RepositoryError, VersionId};
+use crate::repository::{Canary, Change, Record, RepositoryError, VersionId};
 use crate::server::metrics::{SwapKind, SwapOutcome};
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 use tempfile::TempDir;
 
-/// What is to serve instead.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Change {
-    /// This version as stable.
-    Activate(u64),
-    /// The version that was stable before.
-    Rollback,
-    /// This version for a share of the robots, or none.
-    Canary(Option<Canary>),
-    /// This version beside the stable one, or none.
-    Shadow(Option<u64>),
-    /// Nothing.
-    Unload,
-}
+/// How often a change is tried where others change the repository meanwhile.
+const MAX_TRIES: usize = 3;
 
 /// What became of a try to commit.
 enum Commit {
@@ -36,35 +24,13 @@ enum Commit {
     Wants(u64),
 }
 
-impl Change {
-    fn of(self, record: &Record) -> Result<Record, RecordError> {
-        match self {
-            Self::Activate(version) => Ok(record.activated(version)),
-            Self::Rollback => record.rolled_back(),
-            Self::Canary(Some(canary)) => record.with_canary(canary),
-            Self::Canary(None) => Ok(record.without_canary()),
-            Self::Shadow(Some(version)) => record.with_shadow(version),
-            Self::Shadow(None) => Ok(record.without_shadow()),
-            Self::Unload => Ok(record.unloaded()),
-        }
-    }
-
-    fn kind(self) -> SwapKind {
-        match self {
-            Self::Activate(_) => SwapKind::Activate,
-            Self::Rollback => SwapKind::Rollback,
-            Self::Canary(_) | Self::Shadow(_) => SwapKind::Label,
-            Self::Unload => SwapKind::Unload,
-        }
-    }
-
-    /// The version that must work for the change to take effect, by the changed record.
-    fn wants(self, record: &Record) -> Option<u64> {
-        match self {
-            Self::Activate(_) | Self::Rollback => record.stable,
-            Self::Canary(canary) => canary.map(|canary| canary.version),
-            Self::Shadow(version) => version,
-            Self::Unload => None,
+impl From<Change> for SwapKind {
+    fn from(change: Change) -> Self {
+        match change {
+            Change::Activate(_) => Self::Activate,
+            Change::Rollback => Self::Rollback,
+            Change::Canary(_) | Change::Shadow(_) => Self::Label,
+            Change::Unload => Self::Unload,
         }
     }
 }
@@ -77,7 +43,7 @@ impl Registry {
     /// # Errors
     /// Nothing is changed then, and what served serves on.
     pub fn change(&self, name: &str, change: Change, expected_epoch: Option<u64>) -> Result<(), ChangeError> {
-        self.counted(change.kind(), || self.apply(name, change, expected_epoch))
+        self.counted(change.into(), || self.apply(name, change, expected_epoch))
     }
 
     /// Counts and times a change.
@@ -104,19 +70,52 @@ impl Registry {
         expected_epoch: Option<u64>,
     ) -> Result<(), ChangeError> {
         let ticket = self.begin(name, expected_epoch)?;
-        let mut wanted = change.wants(&change.of(&self.entry(name)?.record)?);
         let mut loaded = None;
-        loop {
-            if let Some(version) = wanted {
-                loaded = Some((version, self.load(name, version)?));
-            }
-            match self.commit(name, (change, ticket), loaded.as_ref()) {
-                Ok(Commit::Done) => return Ok(()),
-                Ok(Commit::Wants(version)) => wanted = Some(version),
-                Err(error) => {
-                    self.leave(name, loaded.map(|(version, _)| version));
-                    return Err(error);
+        let mut result = self.try_to_apply(name, (change, ticket), &mut loaded);
+        for _ in 1..MAX_TRIES {
+            // A command, or a service beside this one, was faster.
+            let Err(ChangeError::Repository(RepositoryError::Overtaken { epoch: current, .. })) = result
+            else {
+                break;
+            };
+            result = match expected_epoch {
+                Some(expected) => Err(ChangeError::Stale { expected, current }),
+                None => {
+                    self.catch_up(name).and_then(|()| self.try_to_apply(name, (change, ticket), &mut loaded))
                 }
+            };
+        }
+        if result.is_err() {
+            self.leave(name, loaded.map(|(version, _)| version));
+        }
+        result
+    }
+
+    /// Reads what somebody else has decided.
+    fn catch_up(&self, name: &str) -> Result<(), ChangeError> {
+        let record = self.repository.record(name)?;
+        if let Some(entry) = self.book().models.get_mut(name) {
+            entry.note_record(&record);
+        }
+        Ok(())
+    }
+
+    fn try_to_apply(
+        &self,
+        name: &str,
+        (change, ticket): (Change, u64),
+        loaded: &mut Option<(u64, Loaded)>,
+    ) -> Result<(), ChangeError> {
+        let mut wanted = change.wants(&change.of(&self.entry(name)?.record)?);
+        loop {
+            if let Some(version) =
+                wanted.filter(|version| loaded.as_ref().is_none_or(|(loaded, _)| loaded != version))
+            {
+                *loaded = Some((version, self.load(name, version)?));
+            }
+            match self.commit(name, (change, ticket), loaded.as_ref())? {
+                Commit::Done => return Ok(()),
+                Commit::Wants(version) => wanted = Some(version),
             }
         }
     }
@@ -137,7 +136,7 @@ impl Registry {
 
     /// Removes a version that serves as nothing.
     pub fn delete(&self, id: &VersionId, expected_epoch: Option<u64>) -> Result<(), ChangeError> {
-        let ticket = self.begin(&id.name, expected_epoch)?;
+        self.begin(&id.name, expected_epoch)?;
         let _committing = lock(&self.committing);
         let entry = self.entry(&id.name)?;
         entry.version(&id.name, id.version)?;
@@ -150,7 +149,6 @@ impl Registry {
         self.repository.delete(id)?;
         if let Some(entry) = self.book().models.get_mut(&id.name) {
             entry.versions.remove(&id.version);
-            entry.committed = entry.committed.max(ticket);
         }
         tracing::info!(version = %id, "deleted");
         Ok(())
@@ -168,7 +166,8 @@ impl Registry {
         Ok(entry.n_begun)
     }
 
-    /// Writes a change down and lets it take effect, if no younger one has and what it takes is loaded.
+    /// Writes a change down and lets it take effect, if no younger one of the same role has and what it takes is
+    /// loaded.
     fn commit(
         &self,
         name: &str,
@@ -177,7 +176,8 @@ impl Registry {
     ) -> Result<Commit, ChangeError> {
         let _committing = lock(&self.committing);
         let entry = self.entry(name)?;
-        if entry.committed > ticket {
+        let is_younger = |role| entry.committed.get(role).is_some_and(|&committed| committed > ticket);
+        if change.roles().iter().any(is_younger) {
             return Err(ChangeError::Superseded);
         }
         // Older changes may have taken effect while the version was loading.
@@ -194,7 +194,7 @@ impl Registry {
         }
         self.adopt(name, record, loaded);
         if let Some(entry) = self.book().models.get_mut(name) {
-            entry.committed = ticket;
+            entry.committed.extend(change.roles().iter().map(|&role| (role, ticket)));
         }
         Ok(Commit::Done)
     }
@@ -205,9 +205,10 @@ impl Registry {
         if let Some(loaded) = self.entry(name)?.version(name, version)?.loaded() {
             return Ok(loaded.clone());
         }
-        self.enter(&id, State::Verifying);
+        let try_at = |stage| self.enter(&id, State::Trying(stage));
+        try_at(Stage::Verifying);
         let folder = self.repository.fetch(&id).map_err(Failure::from);
-        let result = folder.and_then(|folder| self.load_aside(&folder, |state| self.enter(&id, state)));
+        let result = folder.and_then(|folder| self.load_aside(&folder, try_at));
         result.map_err(|failure| {
             tracing::error!(version = %id, %failure, "does not serve");
             self.enter(&id, State::Failed(failure.clone()));
@@ -215,11 +216,12 @@ impl Registry {
         })
     }
 
-    /// Verifies, loads and tries one model at a time, on a thread that stands aside; tells what comes after the
-    /// verifying.
-    fn load_aside(&self, folder: &Path, about_to: impl FnMut(State) + Send) -> Result<Loaded, Failure> {
+    /// Verifies, loads and tries one model at a time, on a thread that stands aside.
+    fn load_aside(&self, folder: &Path, on_stage: impl FnMut(Stage) + Send) -> Result<Loaded, Failure> {
         let _one = lock(&self.loading);
-        aside(|| try_model(folder, about_to))
+        let TriedModel { loaded, .. } = aside(|| try_model(folder, on_stage))?;
+        let LoadedModel { model, digest } = loaded;
+        Ok(Loaded { model: Arc::new(model), digest })
     }
 
     /// Gives up what was loaded for a change that did not take effect.
@@ -322,23 +324,6 @@ impl Entry {
     }
 }
 
-fn try_model(folder: &Path, mut about_to: impl FnMut(State)) -> Result<Loaded, Failure> {
-    let file = VerifiedFile::read(folder).map_err(|error| failure(Stage::Verifying, &error))?;
-    about_to(State::Loading);
-    let loading = |error| failure(Stage::Loading, &error);
-    let golden_frames = load_golden_frames(folder).map_err(loading)?;
-    let LoadedModel { model, digest } = file.load().map_err(loading)?;
-    about_to(State::Warming);
-    warm(&model, &golden_frames).map_err(|reason| Failure::new(Stage::Warming, reason))?;
-    Ok(Loaded { model: Arc::new(model), digest })
-}
-
-/// Callers may read the reason: it names the file, not where it lies.
-fn failure(stage: Stage, LoadError { path, reason }: &LoadError) -> Failure {
-    let file = path.file_name().unwrap_or_default().to_string_lossy();
-    Failure::new(stage, format!("{file}: {reason}"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -383,6 +368,22 @@ mod tests {
     }
 
     #[test]
+    fn a_label_that_is_set_while_a_version_is_loading_does_not_keep_it_from_serving() {
+        let (_folder, registry) = registry();
+        registry.change("lab", Change::Activate(1), None).unwrap();
+        let older = registry.begin("lab", None).unwrap();
+        let loaded = (2, registry.load("lab", 2).unwrap());
+        registry.change("lab", Change::Shadow(Some(3)), None).unwrap();
+        registry.commit("lab", (Change::Activate(2), older), Some(&loaded)).unwrap();
+        assert_eq!(stable(&registry), Some(2));
+        // Unloading ends all roles.
+        let older = registry.begin("lab", None).unwrap();
+        registry.change("lab", Change::Unload, None).unwrap();
+        let late = registry.commit("lab", (Change::Shadow(Some(2)), older), Some(&loaded));
+        assert!(matches!(late, Err(ChangeError::Superseded)));
+    }
+
+    #[test]
     fn a_rollback_that_waited_leads_back_from_what_serves_then() {
         let (_folder, registry) = registry();
         registry.change("lab", Change::Activate(1), None).unwrap();
@@ -394,6 +395,21 @@ mod tests {
         let wants = registry.commit("lab", (Change::Rollback, ticket), Some(&loaded)).unwrap();
         assert!(matches!(wants, Commit::Wants(2)));
         assert_eq!(stable(&registry), Some(3), "nothing is done yet");
+    }
+
+    #[test]
+    fn a_change_builds_on_what_somebody_else_decided_just_now() {
+        let (_folder, registry) = registry();
+        registry.change("lab", Change::Activate(1), None).unwrap();
+        let epoch = registry.entry("lab").unwrap().record.epoch;
+        let of_others = registry.entry("lab").unwrap().record.with_shadow(3).unwrap();
+        registry.repository.write_record("lab", &of_others).unwrap();
+        let stale = registry.change("lab", Change::Activate(2), Some(epoch));
+        assert!(matches!(stale, Err(ChangeError::Stale { .. })));
+        registry.change("lab", Change::Activate(2), None).unwrap();
+        let record = registry.repository.record("lab").unwrap();
+        assert_eq!((record.stable, record.shadow, record.epoch), (Some(2), Some(3), epoch + 2));
+        assert_eq!(stable(&registry), Some(2));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Why a model is not there, or does not come to serve.
 
+use crate::model::{LoadError, Stage, TrialError};
 use crate::repository::{RecordError, RepositoryError};
-use std::fmt;
 
 /// Why the repository gives nothing to serve.
 #[derive(Debug, thiserror::Error)]
@@ -112,23 +112,10 @@ impl From<RepositoryError> for Failure {
     }
 }
 
-/// A step on the way to serving.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Fetching the files and checking their digest.
-    Verifying,
-    /// Making a model of them.
-    Loading,
-    /// Recognizing first frames.
-    Warming,
-}
-
-impl fmt::Display for Stage {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::Verifying => "verifying",
-            Self::Loading => "loading",
-            Self::Warming => "warming",
-        })
+/// Callers may read the reason: it names the file, not where it lies.
+impl From<TrialError> for Failure {
+    fn from(TrialError { stage, error: LoadError { path, reason } }: TrialError) -> Self {
+        let file = path.file_name().unwrap_or_default().to_string_lossy();
+        Self::new(stage, format!("{file}: {reason}"))
     }
 }

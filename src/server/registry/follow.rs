@@ -3,8 +3,8 @@
 
 use super::served::Table;
 use super::state::{Loaded, Version};
-use super::{Book, Change, ChangeError, Entry, Registry, RegistryError, lock};
-use crate::repository::{Listing, Record, Repository, RepositoryError, Scan, VersionId};
+use super::{Book, ChangeError, Entry, Registry, RegistryError, lock};
+use crate::repository::{Change, Listing, Record, Repository, RepositoryError, Scan, VersionId};
 use crate::server::events::Events;
 use crate::server::metrics::{Metrics, SwapKind};
 use crate::server::settings::{Policy, Settings};
@@ -89,7 +89,7 @@ impl Registry {
             && let Some(entry) = entries.get_mut(&id.name)
             && let Some(version) = entry.versions.get_mut(&id.version)
         {
-            version.settled();
+            version.mark_whole();
         }
         Ok(models.into_keys().collect())
     }
@@ -204,7 +204,11 @@ impl Entry {
             }
         }
         self.versions.retain(|number, version| versions.contains_key(number) || version.loaded().is_some());
-        // What somebody else decided: later than what is known here, or at the same time, and written down.
+        self.note_record(record);
+    }
+
+    /// Takes over what somebody else decided: later than what is known here, or at the same time, and written down.
+    pub(super) fn note_record(&mut self, record: &Record) {
         let is_later = record.epoch > self.record.epoch;
         if is_later || (record.epoch == self.record.epoch && record.epoch > 0) {
             self.is_followed = self.is_followed && self.record == *record;

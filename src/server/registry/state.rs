@@ -1,7 +1,7 @@
 //! What is true of each version, now and before.
 
 use super::Failure;
-use crate::model::Model;
+use crate::model::{Model, Stage};
 use crate::protocol::rest::{StateChange, VersionState};
 use crate::repository::Fingerprint;
 use std::collections::VecDeque;
@@ -17,7 +17,7 @@ pub struct Version {
     /// How its files were when they were last looked at.
     fingerprint: Fingerprint,
     /// Its files did not change between two looks: nobody is copying it.
-    is_settled: bool,
+    is_whole: bool,
     state: State,
     history: VecDeque<(VersionState, SystemTime)>,
 }
@@ -27,12 +27,8 @@ pub struct Version {
 pub enum State {
     /// It is there.
     Discovered,
-    /// Its files are fetched and their digest is checked.
-    Verifying,
-    /// It becomes a model.
-    Loading,
-    /// It answers its golden frames.
-    Warming,
+    /// It is on the way to serving.
+    Trying(Stage),
     /// It can answer.
     Ready(Loaded),
     /// It gets no further frames; some are in work.
@@ -54,9 +50,8 @@ pub struct Loaded {
 
 impl Version {
     /// A version that was just found. What is there when the service starts is taken for whole.
-    pub fn new(fingerprint: Fingerprint, is_settled: bool) -> Self {
-        let mut version =
-            Self { fingerprint, is_settled, state: State::Discovered, history: VecDeque::new() };
+    pub fn new(fingerprint: Fingerprint, is_whole: bool) -> Self {
+        let mut version = Self { fingerprint, is_whole, state: State::Discovered, history: VecDeque::new() };
         version.enter(State::Discovered);
         version
     }
@@ -64,8 +59,8 @@ impl Version {
     /// Looks at its files again. One that was tried in vain is tried again when they change, or where they
     /// could not be reached.
     pub fn look(&mut self, id: &str, fingerprint: &Fingerprint) {
-        self.is_settled = self.fingerprint == *fingerprint;
-        if self.is_settled {
+        self.is_whole = self.fingerprint == *fingerprint;
+        if self.is_whole {
             if self.failure().is_some_and(|failure| failure.may_pass) {
                 self.enter(State::Discovered);
             }
@@ -80,18 +75,18 @@ impl Version {
     }
 
     /// Takes it for whole: it was published as a whole.
-    pub fn settled(&mut self) {
-        self.is_settled = true;
+    pub fn mark_whole(&mut self) {
+        self.is_whole = true;
     }
 
     /// Whether it is whole and was never in memory.
     pub fn is_new(&self) -> bool {
-        self.is_settled && matches!(self.state, State::Discovered)
+        self.is_whole && matches!(self.state, State::Discovered)
     }
 
     /// Whether it is whole, not in memory, and may work.
     pub fn is_untried(&self) -> bool {
-        self.is_settled && matches!(self.state, State::Discovered | State::Unloaded)
+        self.is_whole && matches!(self.state, State::Discovered | State::Unloaded)
     }
 
     /// What is true of it.
@@ -153,9 +148,9 @@ impl State {
     pub fn name(&self) -> VersionState {
         match self {
             Self::Discovered => VersionState::Discovered,
-            Self::Verifying => VersionState::Verifying,
-            Self::Loading => VersionState::Loading,
-            Self::Warming => VersionState::Warming,
+            Self::Trying(Stage::Verifying) => VersionState::Verifying,
+            Self::Trying(Stage::Loading) => VersionState::Loading,
+            Self::Trying(Stage::Warming) => VersionState::Warming,
             Self::Ready(_) => VersionState::Ready,
             Self::Quiescing(_) => VersionState::Quiescing,
             Self::Unloaded => VersionState::Unloaded,
