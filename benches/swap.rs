@@ -1,7 +1,7 @@
 //! What it costs callers that models come and go.
 //!
-//! A service whose threads are all busy, by requests and by streams, is watched for a while without and for a
-//! while with swaps, again and again. Each swap loads its version from the disk and tries it, since three
+//! A service whose threads are all busy, by requests and by streams, is watched with swaps and for as long without,
+//! again and again. Each swap loads its version from the disk and tries it, since three
 //! versions take turns of which two are kept; after some of them a rollback follows. Every answer must be of
 //! one version from start to end. Then many swaps without load, for the memory.
 
@@ -14,6 +14,7 @@ use roomsight::client::Client;
 use roomsight::model::write_about;
 use roomsight::protocol::rest::{Answer, RecognizeQuery};
 use roomsight::protocol::stream::{Configure, Mode, ServerMessage};
+use roomsight::repository::VersionId;
 use service::{MODEL, Service, frames, memory_kib};
 use std::fs;
 use std::path::Path;
@@ -24,9 +25,10 @@ use tempfile::TempDir;
 use tokio::task::JoinSet;
 use tokio::time::sleep;
 
-const ROUNDS: usize = 5;
-const SWAPS_A_ROUND: u64 = 20;
-const ROLLBACKS_A_ROUND: u64 = 4;
+const NAME: &str = "lab";
+const ROUNDS: usize = 20;
+const SWAPS_A_ROUND: u64 = 5;
+const ROLLBACKS_A_ROUND: u64 = 1;
 const PAUSE: Duration = Duration::from_millis(250);
 const N_CALLERS: usize = 3;
 const N_STREAMS: usize = 2;
@@ -44,7 +46,7 @@ fn main() {
 fn models() -> TempDir {
     let folder = TempDir::new().unwrap();
     for version in 1..=3 {
-        let (from, to) = (Path::new(MODEL), folder.path().join("lab").join(version.to_string()));
+        let (from, to) = (Path::new(MODEL), folder.path().join(NAME).join(version.to_string()));
         fs::create_dir_all(to.join("golden")).unwrap();
         let model = fs::read(from.join("model.safetensors")).unwrap();
         if version == 2 {
@@ -72,32 +74,36 @@ fn with_other_names(mut model: Vec<u8>) -> Vec<u8> {
 }
 
 async fn measure(service: &Service) {
-    swap(service, 1).await;
+    let admin = Client::new(&service.url, None).unwrap();
+    swap(&admin, 1).await;
     let (mut ratios, mut n_answers) = (Vec::new(), 0);
     let mut next = 2;
     for _ in 0..ROUNDS {
-        let resting = async { sleep(PAUSE * (SWAPS_A_ROUND + ROLLBACKS_A_ROUND) as u32).await };
-        let (without, n_without) = load(service, resting).await;
+        let began = Instant::now();
         let swapping = async {
             for idx in 0..SWAPS_A_ROUND {
-                swap(service, next).await;
+                swap(&admin, next).await;
                 next = next % 3 + 1;
                 sleep(PAUSE).await;
                 if idx % (SWAPS_A_ROUND / ROLLBACKS_A_ROUND) == 0 {
-                    call(service, "rollback").await;
+                    admin.rollback(NAME, None).await.unwrap();
                     sleep(PAUSE).await;
                 }
             }
         };
         let (with, n_with) = load(service, swapping).await;
+        let took = began.elapsed();
+        let (without, n_without) = load(service, sleep(took)).await;
+        let ms = |latencies: &Histogram<u64>, quantile| latencies.value_at_quantile(quantile) as f64 / 1e3;
         println!(
-            "p50 {:.2} ms without swaps, {:.2} with; p99 {:.2} and {:.2}",
-            without.value_at_quantile(0.5) as f64 / 1e3,
-            with.value_at_quantile(0.5) as f64 / 1e3,
-            without.value_at_quantile(0.99) as f64 / 1e3,
-            with.value_at_quantile(0.99) as f64 / 1e3,
+            "{:.1} s: p50 {:.2} ms with swaps, {:.2} without; p99 {:.2} and {:.2}",
+            took.as_secs_f64(),
+            ms(&with, 0.5),
+            ms(&without, 0.5),
+            ms(&with, 0.99),
+            ms(&without, 0.99),
         );
-        ratios.push(with.value_at_quantile(0.99) as f64 / without.value_at_quantile(0.99) as f64);
+        ratios.push(ms(&with, 0.99) / ms(&without, 0.99));
         n_answers += n_without + n_with;
     }
     ratios.sort_by(f64::total_cmp);
@@ -113,20 +119,13 @@ async fn measure(service: &Service) {
         if idx % (N_SWAPS_AT_REST / 5) == 0 {
             memory.push(format!("{:.1}", memory_kib(service.process.id()) / 1024.0));
         }
-        swap(service, idx % 3 + 1).await;
+        swap(&admin, idx % 3 + 1).await;
     }
     println!("memory over {N_SWAPS_AT_REST} further swaps, in MiB: {}", memory.join(", "));
 }
 
-async fn swap(service: &Service, version: u64) {
-    call(service, &format!("versions/{version}/activate")).await;
-}
-
-async fn call(service: &Service, path: &str) {
-    let url = format!("{}/v1/models/lab/{path}", service.url);
-    let client = reqwest::Client::builder().no_proxy().build().unwrap();
-    let answer = client.post(url).send().await.unwrap();
-    assert!(answer.status().is_success(), "{}", answer.text().await.unwrap());
+async fn swap(admin: &Client, version: u64) {
+    admin.activate(&VersionId::new(NAME, version), None).await.unwrap();
 }
 
 /// Keeps the service busy for as long as `during` takes: the latencies of all requests in microseconds, and
