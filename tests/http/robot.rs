@@ -36,11 +36,20 @@ impl Robot {
         query: &str,
         headers: &[(&'static str, &str)],
     ) -> Result<Self, tungstenite::Error> {
-        let mut request = format!("ws://{}/v1/stream{query}", server.address).into_client_request()?;
+        Self::try_connect_to(&server.address.to_string(), query, headers).await
+    }
+
+    /// The same at an address.
+    pub async fn try_connect_to(
+        address: &str,
+        query: &str,
+        headers: &[(&'static str, &str)],
+    ) -> Result<Self, tungstenite::Error> {
+        let mut request = format!("ws://{address}/v1/stream{query}").into_client_request()?;
         for (name, value) in headers {
             request.headers_mut().insert(*name, HeaderValue::from_str(value).expect("a header"));
         }
-        let stream = TcpStream::connect(&server.address).await.expect("a connection");
+        let stream = TcpStream::connect(address).await.expect("a connection");
         let (mut socket, _) = client_async(request, stream).await?;
         let hello = match heard(&mut socket).await {
             Heard::Message(ServerMessage::Hello(hello)) => *hello,

@@ -36,12 +36,15 @@ fn a_program_without_traces_says_so() {
 #[cfg(feature = "otlp")]
 mod exported {
     use super::*;
+    use crate::robot::Robot;
     use axum::Router;
     use axum::body::Bytes;
     use axum::extract::State;
     use axum::http::HeaderMap;
     use axum::routing::post;
+    use roomsight::protocol::stream::ServerMessage;
     use std::sync::{Arc, Mutex};
+    use tempfile::TempDir;
     use tokio::net::TcpListener;
     use tokio::task::spawn_blocking;
 
@@ -53,32 +56,62 @@ mod exported {
         received.lock().unwrap().extend(body);
     }
 
-    fn contains(bytes: &[u8], part: &[u8]) -> bool {
-        bytes.windows(part.len()).any(|window| window == part)
+    fn count(bytes: &[u8], part: &[u8]) -> usize {
+        bytes.windows(part.len()).filter(|window| *window == part).count()
     }
 
-    #[tokio::test(flavor = "multi_thread")]
-    async fn a_request_and_its_stages_are_a_part_of_the_callers_trace() {
+    /// A service that sends its traces to a collector, and what this receives.
+    async fn start(models: &TempDir) -> (Running, Received) {
         let received = Received::default();
         let collector = Router::new().route("/v1/traces", post(collect)).with_state(received.clone());
         let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
         let endpoint = format!("otlp_endpoint=http://{}", listener.local_addr().unwrap());
         tokio::spawn(async { axum::serve(listener, collector).await });
-        let models = models();
         let folder = models.path().to_str().unwrap().to_owned();
-        let mut running =
-            spawn_blocking(move || Running::start(&["--models", &folder, "--set", &endpoint])).await.unwrap();
+        let start = move || Running::start(&["--models", &folder, "--set", &endpoint]);
+        (spawn_blocking(start).await.unwrap(), received)
+    }
+
+    fn trace_id() -> [u8; 16] {
+        u128::from_str_radix(TRACE_ID, 16).unwrap().to_be_bytes()
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn a_request_and_its_stages_are_a_part_of_the_callers_trace() {
+        let models = models();
+        let (mut running, received) = start(&models).await;
         recognize(&running, &format!("00-{TRACE_ID}-b7ad6b7169203331-01")).await;
         // What is not sent yet is sent at the end.
         spawn_blocking(move || running.stop()).await.unwrap();
         let received = received.lock().unwrap();
-        let trace_id = u128::from_str_radix(TRACE_ID, 16).unwrap().to_be_bytes();
-        let of_trace = received.windows(16).filter(|window| *window == trace_id).count();
-        assert_eq!(of_trace, 5, "the request and its four stages");
+        assert_eq!(count(&received, &trace_id()), 5, "the request and its four stages");
         let parent = 0xb7ad_6b71_6920_3331_u64.to_be_bytes();
-        assert!(contains(&received, &parent), "the caller's span is the request's parent");
+        assert!(count(&received, &parent) > 0, "the caller's span is the request's parent");
         for name in ["roomsight", "request", "queue", "decode", "features", "classify"] {
-            assert!(contains(&received, name.as_bytes()), "{name}");
+            assert!(count(&received, name.as_bytes()) > 0, "{name}");
         }
+    }
+
+    #[tokio::test(flavor = "multi_thread")]
+    async fn each_frame_of_a_stream_is_a_trace_that_names_the_stream_as_its_cause() {
+        let models = models();
+        let (mut running, received) = start(&models).await;
+        let traceparent = format!("00-{TRACE_ID}-b7ad6b7169203331-01");
+        let address = running.url.trim_start_matches("http://").to_owned();
+        let headers = [("traceparent", traceparent.as_str())];
+        let mut robot = Robot::try_connect_to(&address, "?mode=lossless", &headers).await.unwrap();
+        for _ in 0..3 {
+            robot.send(frame()).await;
+            assert!(matches!(robot.next().await, ServerMessage::Result(_)));
+        }
+        drop(robot);
+        spawn_blocking(move || running.stop()).await.unwrap();
+        let received = received.lock().unwrap();
+        // A span's name is its field 5.
+        let named = |name: &str| count(&received, &[&[0x2a, name.len() as u8], name.as_bytes()].concat());
+        for stage in ["frame", "queue", "decode", "features", "classify"] {
+            assert_eq!(named(stage), 3, "{stage}");
+        }
+        assert_eq!(count(&received, &trace_id()), 4, "the stream's span and a link from each frame");
     }
 }

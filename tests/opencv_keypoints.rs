@@ -1,11 +1,11 @@
-//! SIFT against OpenCV's on golden frames: the strong keypoints and their descriptors.
-//! `tests/golden/sift.py` made both.
+//! SIFT and Harris-Laplace against OpenCV's on golden frames: the strong keypoints, and SIFT's descriptors.
+//! `tests/golden/sift.py` and `tests/golden/harris_laplace.py` made them.
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use roomsight::camera::{Camera, Projection, View};
 use roomsight::describe::{Descriptor, SiftDescriptor};
-use roomsight::detect::{Detector, Keypoint, Sift};
+use roomsight::detect::{Detector, HarrisLaplace, Keypoint, Sift};
 use roomsight::image::{Image, Limits};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -81,5 +81,23 @@ fn strong_sift_keypoints_of_opencv_are_found_and_described_alike() {
         assert!(n >= 40 && 10 * n_found >= 9 * n, "{name}: {n_found} of {n} are found");
         assert!(10 * distances.len() >= 9 * n_found, "{name}: {} have the same angle", distances.len());
         assert!(median < 0.08 && mean < 0.08, "{name}: {median} {mean}");
+    }
+}
+
+/// OpenCV looks at four scales an octave where there are two here, and takes differences of Gaussians for the
+/// Laplacian: places and scales agree less closely than SIFT's.
+#[test]
+fn strong_harris_laplace_keypoints_of_opencv_are_found() {
+    for (name, least) in FRAMES.into_iter().zip([0.75, 0.75, 0.5]) {
+        let (image, view) = frame(name);
+        let all = HarrisLaplace { target: 10_000, ..HarrisLaplace::default() };
+        let found = Detector::HarrisLaplace(all).detect(&image, &view);
+        let expected = expected(&format!("{name}_harris_laplace"));
+        let is_found = |keypoint: &Keypoint| {
+            found.iter().any(|found| is_near(found, keypoint, 1.5_f32.max(0.75 * keypoint.scale), 0.42))
+        };
+        let n_found = expected.iter().filter(|(keypoint, _)| is_found(keypoint)).count();
+        println!("{name}: {n_found} of {}, of {}", expected.len(), found.len());
+        assert!(n_found as f32 >= least * expected.len() as f32, "{name}: {n_found} of {}", expected.len());
     }
 }
