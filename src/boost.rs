@@ -7,6 +7,7 @@
 //! exp(-a_t y_i h_t(x_i)). The decision value of x is the sum of a_t h_t(x), about half the log-odds of the
 //! class (Friedman, Hastie, Tibshirani, "Additive logistic regression", Annals of Statistics 28, 2000).
 
+use crate::labeled::{LabeledError, check_every_class_has_rows, check_n_classes, check_rows};
 use crate::matrix::Matrix;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -45,18 +46,8 @@ impl Config {
 pub enum BoostError {
     #[error("n_rounds must be from 1 to {MAX_ROUNDS}, not {n_rounds}")]
     Rounds { n_rounds: usize },
-    #[error("at least two classes are needed, {n_classes} given: add rows of another class")]
-    TooFewClasses { n_classes: usize },
-    #[error("class {class_idx} has no row to train on: add rows of it, or leave the class out")]
-    EmptyClass { class_idx: usize },
-    #[error("{n_labels} labels for {n_rows} rows: every row needs exactly one")]
-    LabelCount { n_labels: usize, n_rows: usize },
-    #[error(
-        "row {row_idx} has label {label}, but of {n_classes} classes the last is one less: mend the labels"
-    )]
-    UnknownLabel { row_idx: usize, label: usize, n_classes: usize },
-    #[error("row {row_idx} holds a number that is not finite: remove the row or mend its features")]
-    NotFinite { row_idx: usize },
+    #[error(transparent)]
+    Labeled(#[from] LabeledError),
     #[error("stump {stump_idx} of class {class_idx} is damaged: {reason}")]
     Damaged { class_idx: usize, stump_idx: usize, reason: &'static str },
 }
@@ -112,9 +103,7 @@ impl Boost {
     /// # Errors
     /// Fewer than two classes, stumps of features that there are not, numbers that are not finite.
     pub fn from_parts(n_features: usize, ensembles: Vec<Vec<Stump>>) -> Result<Self, BoostError> {
-        if ensembles.len() < 2 {
-            return Err(BoostError::TooFewClasses { n_classes: ensembles.len() });
-        }
+        check_n_classes(ensembles.len())?;
         for (class_idx, stumps) in ensembles.iter().enumerate() {
             for (stump_idx, stump) in stumps.iter().enumerate() {
                 let damaged = |reason| Err(BoostError::Damaged { class_idx, stump_idx, reason });
@@ -162,22 +151,8 @@ impl Stump {
 
 fn check(rows: &Matrix, labels: &[usize], n_classes: usize, config: &Config) -> Result<(), BoostError> {
     config.check()?;
-    if n_classes < 2 {
-        return Err(BoostError::TooFewClasses { n_classes });
-    }
-    if labels.len() != rows.n_rows() {
-        return Err(BoostError::LabelCount { n_labels: labels.len(), n_rows: rows.n_rows() });
-    }
-    if let Some(row_idx) = labels.iter().position(|&label| label >= n_classes) {
-        return Err(BoostError::UnknownLabel { row_idx, label: labels[row_idx], n_classes });
-    }
-    if let Some(row_idx) = rows.rows().position(|row| row.iter().any(|value| !value.is_finite())) {
-        return Err(BoostError::NotFinite { row_idx });
-    }
-    match (0..n_classes).find(|class_idx| !labels.contains(class_idx)) {
-        Some(class_idx) => Err(BoostError::EmptyClass { class_idx }),
-        None => Ok(()),
-    }
+    check_rows(rows, labels, n_classes)?;
+    Ok(check_every_class_has_rows(labels, n_classes)?)
 }
 
 /// The rows by one feature, the largest first, without those of the smallest value: no threshold lies
@@ -425,7 +400,10 @@ mod tests {
             let refused = Boost::from_parts(12, ensembles);
             assert!(matches!(refused, Err(BoostError::Damaged { class_idx: 1, stump_idx: 2, .. })));
         }
-        assert_eq!(Boost::from_parts(12, Vec::new()), Err(BoostError::TooFewClasses { n_classes: 0 }));
+        assert_eq!(
+            Boost::from_parts(12, Vec::new()),
+            Err(BoostError::Labeled(LabeledError::TooFewClasses { n_classes: 0 }))
+        );
     }
 
     #[test]
@@ -434,12 +412,18 @@ mod tests {
         let config = Config::default();
         let train =
             |labels: &[usize], n_classes| Boost::train(&rows, labels, n_classes, &config).unwrap_err();
-        assert_eq!(train(&[0, 0], 1), BoostError::TooFewClasses { n_classes: 1 });
-        assert_eq!(train(&[0], 2), BoostError::LabelCount { n_labels: 1, n_rows: 2 });
-        assert_eq!(train(&[0, 0], 2), BoostError::EmptyClass { class_idx: 1 });
-        assert_eq!(train(&[0, 2], 2), BoostError::UnknownLabel { row_idx: 1, label: 2, n_classes: 2 });
+        assert_eq!(train(&[0, 0], 1), BoostError::Labeled(LabeledError::TooFewClasses { n_classes: 1 }));
+        assert_eq!(train(&[0], 2), BoostError::Labeled(LabeledError::LabelCount { n_labels: 1, n_rows: 2 }));
+        assert_eq!(train(&[0, 0], 2), BoostError::Labeled(LabeledError::EmptyClass { class_idx: 1 }));
+        assert_eq!(
+            train(&[0, 2], 2),
+            BoostError::Labeled(LabeledError::UnknownLabel { row_idx: 1, label: 2, n_classes: 2 })
+        );
         let infinite = matrix(&[vec![0.0], vec![f32::INFINITY]]);
-        assert_eq!(Boost::train(&infinite, &[0, 1], 2, &config), Err(BoostError::NotFinite { row_idx: 1 }));
+        assert_eq!(
+            Boost::train(&infinite, &[0, 1], 2, &config),
+            Err(BoostError::Labeled(LabeledError::NotFinite { row_idx: 1 }))
+        );
         let no_rounds = Boost::train(&rows, &[0, 1], 2, &Config { n_rounds: 0 });
         assert_eq!(no_rounds, Err(BoostError::Rounds { n_rounds: 0 }));
     }

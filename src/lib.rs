@@ -7,7 +7,7 @@
 //! | group | modules | what |
 //! |---|---|---|
 //! | 1 | [`matrix`], [`image`] | rows of numbers, pixels |
-//! | 2 | [`simd`] | fast loops over them |
+//! | 2 | [`simd`], [`labeled`] | fast loops over them; rows with the class of each |
 //! | 3 | [`camera`], [`plane`] | where pixels are valid; gray values at many scales |
 //! | 4 | [`detect`] | keypoints |
 //! | 5 | [`describe`] | keypoints to descriptors |
@@ -28,6 +28,7 @@
 pub mod image;
 pub mod matrix;
 
+pub mod labeled;
 pub mod simd;
 
 pub mod camera;

@@ -29,7 +29,9 @@ pub use linear::LinearSvm;
 pub use match_kernel::{DescriptorSet, InnerKernel, MatchConfig, MatchSvm, match_gram};
 pub use probability::{Calibration, most_probable};
 
-use crate::matrix::Matrix;
+use crate::labeled::{
+    LabeledError, check_every_class_has_rows, check_finite_rows, check_n_classes, check_rows,
+};
 use machine::Machine;
 use serde::{Deserialize, Serialize};
 
@@ -109,18 +111,8 @@ impl Config {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs, reason = "the texts say it")]
 pub enum SvmError {
-    #[error("at least two classes are needed, {n_classes} given: add rows of another class")]
-    TooFewClasses { n_classes: usize },
-    #[error("class {class_idx} has no row to train on: add rows of it, or leave the class out")]
-    EmptyClass { class_idx: usize },
-    #[error("{n_labels} labels for {n_rows} rows: every row needs exactly one")]
-    LabelCount { n_labels: usize, n_rows: usize },
-    #[error(
-        "row {row_idx} has label {label}, but of {n_classes} classes the last is one less: mend the labels"
-    )]
-    UnknownLabel { row_idx: usize, label: usize, n_classes: usize },
-    #[error("row {row_idx} holds a number that is not finite: remove the row or mend its features")]
-    NotFinite { row_idx: usize },
+    #[error(transparent)]
+    Labeled(#[from] LabeledError),
     #[error("row {row_idx} holds numbers too large to multiply: scale the features down")]
     TooLarge { row_idx: usize },
     #[error("row {row_idx} holds a negative number: this kernel compares histograms, take another one")]
@@ -149,35 +141,6 @@ fn to_f32(value: f64) -> f32 {
 
 fn check_positive(name: &'static str, value: f64) -> Result<(), SvmError> {
     if value.is_finite() && value > 0.0 { Ok(()) } else { Err(SvmError::NotPositive { name, value }) }
-}
-
-fn check_n_classes(n_classes: usize) -> Result<(), SvmError> {
-    if n_classes < 2 { Err(SvmError::TooFewClasses { n_classes }) } else { Ok(()) }
-}
-
-fn check_rows(rows: &Matrix, labels: &[usize], n_classes: usize) -> Result<(), SvmError> {
-    check_n_classes(n_classes)?;
-    if labels.len() != rows.n_rows() {
-        return Err(SvmError::LabelCount { n_labels: labels.len(), n_rows: rows.n_rows() });
-    }
-    if let Some(row_idx) = labels.iter().position(|&label| label >= n_classes) {
-        return Err(SvmError::UnknownLabel { row_idx, label: labels[row_idx], n_classes });
-    }
-    check_finite_rows(rows)
-}
-
-fn check_finite_rows(rows: &Matrix) -> Result<(), SvmError> {
-    match rows.rows().position(|row| row.iter().any(|value| !value.is_finite())) {
-        Some(row_idx) => Err(SvmError::NotFinite { row_idx }),
-        None => Ok(()),
-    }
-}
-
-fn check_every_class_has_rows(labels: &[usize], n_classes: usize) -> Result<(), SvmError> {
-    match (0..n_classes).find(|class_idx| !labels.contains(class_idx)) {
-        Some(class_idx) => Err(SvmError::EmptyClass { class_idx }),
-        None => Ok(()),
-    }
 }
 
 fn check_shape(name: &'static str, found: usize, expected: usize) -> Result<(), SvmError> {

@@ -119,6 +119,7 @@ impl KernelSvm {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::labeled::LabeledError;
     use crate::svm::Scheme;
     use crate::svm::tests::{Set, bags, libsvm_decision_values, libsvm_nodes, with_duplicates};
     use libsvm_rs::{KernelType, SvmModel, SvmNode, SvmParameter, SvmProblem};
@@ -275,7 +276,10 @@ mod tests {
         assert!(matches!(from(svm.kernel(), &Matrix::new(13)), Err(SvmError::WrongShape { .. })));
         let mut damaged = svm.support_vectors().clone();
         damaged.row_mut(2)[1] = f32::NAN;
-        assert_eq!(from(svm.kernel(), &damaged).unwrap_err(), SvmError::NotFinite { row_idx: 2 });
+        assert_eq!(
+            from(svm.kernel(), &damaged).unwrap_err(),
+            SvmError::Labeled(LabeledError::NotFinite { row_idx: 2 })
+        );
     }
 
     #[test]

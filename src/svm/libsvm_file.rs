@@ -7,7 +7,7 @@
 #[cfg(test)]
 mod tests;
 
-use super::{Calibration, DualSvm, KernelFunction, KernelSvm, Scheme, SvmError};
+use super::{Calibration, DualSvm, KernelFunction, KernelSvm, Scheme, SvmError, check_n_classes};
 use crate::matrix::Matrix;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -73,9 +73,7 @@ impl LibsvmModel {
         let kernel = header.kernel()?;
         let n_classes: usize = header.one("nr_class", parsed)?;
         let labels = header.many("label", n_classes, parsed)?;
-        if n_classes < 2 {
-            return Err(SvmError::TooFewClasses { n_classes }.into());
-        }
+        check_n_classes(n_classes).map_err(SvmError::from)?;
         let n_machines = Scheme::OneVsOne.n_machines(n_classes);
         let rho = header.many("rho", n_machines, number)?;
         let class_sizes: Vec<usize> = header.many("nr_sv", n_classes, parsed)?;

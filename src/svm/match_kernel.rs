@@ -254,6 +254,7 @@ fn check_widths<'a>(frames: impl IntoIterator<Item = &'a Matrix>) -> Result<(), 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::labeled::LabeledError;
     use proptest::prelude::*;
 
     const INNERS: [InnerKernel; 3] =
@@ -396,7 +397,10 @@ mod tests {
             let error = train(&frames, InnerKernel::Rbf { gamma });
             assert!(matches!(error, SvmError::NotPositive { name: "gamma", .. }));
         }
-        assert!(matches!(train(&frames[1..], InnerKernel::Linear), SvmError::LabelCount { .. }));
+        assert!(matches!(
+            train(&frames[1..], InnerKernel::Linear),
+            SvmError::Labeled(LabeledError::LabelCount { .. })
+        ));
         frames[7] = &narrow;
         assert!(matches!(train(&frames, InnerKernel::Linear), SvmError::WrongShape { .. }));
     }

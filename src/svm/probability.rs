@@ -295,6 +295,7 @@ impl Samples {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::labeled::LabeledError;
     use proptest::prelude::*;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
@@ -386,12 +387,18 @@ mod tests {
     fn bad_held_out_sets_and_damaged_parts_are_refused() {
         let (values, labels) = two_classes(2, 30, 1.0);
         let fit = |values, labels, n_classes| Calibration::fit(Scheme::OneVsAll, values, labels, n_classes);
-        assert!(matches!(fit(&values, &labels, 1), Err(SvmError::TooFewClasses { .. })));
+        assert!(matches!(
+            fit(&values, &labels, 1),
+            Err(SvmError::Labeled(LabeledError::TooFewClasses { .. }))
+        ));
         assert!(matches!(fit(&values, &labels, 3), Err(SvmError::WrongShape { .. })));
-        assert!(matches!(fit(&values, &labels[1..], 2), Err(SvmError::LabelCount { .. })));
+        assert!(matches!(
+            fit(&values, &labels[1..], 2),
+            Err(SvmError::Labeled(LabeledError::LabelCount { .. }))
+        ));
         let mut broken = values.clone();
         broken.row_mut(7)[0] = f32::NAN;
-        assert_eq!(fit(&broken, &labels, 2), Err(SvmError::NotFinite { row_idx: 7 }));
+        assert_eq!(fit(&broken, &labels, 2), Err(SvmError::Labeled(LabeledError::NotFinite { row_idx: 7 })));
 
         let fitted = fit(&values, &labels, 2).unwrap();
         let from = |slopes: &[f32], offsets: &[f32]| {

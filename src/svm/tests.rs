@@ -1,6 +1,7 @@
 use super::kernel::Kernel;
 use super::smo::{self, Problem};
 use super::*;
+use crate::matrix::Matrix;
 use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType, predict::predict_values};
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
@@ -202,21 +203,33 @@ fn bad_training_sets_are_refused() {
         LinearSvm::train(rows, labels, n_classes, config).unwrap_err()
     };
     let config = Config::default();
-    assert_eq!(train(&set.rows, &[0; 12], 1, &config), SvmError::TooFewClasses { n_classes: 1 });
-    assert_eq!(train(&set.rows, &set.labels, 4, &config), SvmError::EmptyClass { class_idx: 3 });
-    assert_eq!(train(&set.rows, &set.labels, usize::MAX, &config), SvmError::EmptyClass { class_idx: 3 });
+    assert_eq!(
+        train(&set.rows, &[0; 12], 1, &config),
+        SvmError::Labeled(LabeledError::TooFewClasses { n_classes: 1 })
+    );
+    assert_eq!(
+        train(&set.rows, &set.labels, 4, &config),
+        SvmError::Labeled(LabeledError::EmptyClass { class_idx: 3 })
+    );
+    assert_eq!(
+        train(&set.rows, &set.labels, usize::MAX, &config),
+        SvmError::Labeled(LabeledError::EmptyClass { class_idx: 3 })
+    );
     assert_eq!(
         train(&set.rows, &set.labels[1..], 3, &config),
-        SvmError::LabelCount { n_labels: 11, n_rows: 12 }
+        SvmError::Labeled(LabeledError::LabelCount { n_labels: 11, n_rows: 12 })
     );
     assert_eq!(
         train(&set.rows, &set.labels, 2, &config),
-        SvmError::UnknownLabel { row_idx: 2, label: 2, n_classes: 2 }
+        SvmError::Labeled(LabeledError::UnknownLabel { row_idx: 2, label: 2, n_classes: 2 })
     );
     for value in [f32::NAN, f32::INFINITY] {
         let mut rows = set.rows.clone();
         rows.row_mut(4)[3] = value;
-        assert_eq!(train(&rows, &set.labels, 3, &config), SvmError::NotFinite { row_idx: 4 });
+        assert_eq!(
+            train(&rows, &set.labels, 3, &config),
+            SvmError::Labeled(LabeledError::NotFinite { row_idx: 4 })
+        );
     }
     let mut rows = set.rows.clone();
     rows.row_mut(4)[3] = 1e30;
@@ -237,7 +250,7 @@ fn parts_make_the_same_machine_and_damaged_ones_are_refused() {
     };
     assert_eq!(from(3, parts()).unwrap(), svm);
     assert!(matches!(from(4, parts()), Err(SvmError::WrongShape { name: "weights", .. })));
-    assert!(matches!(from(1, parts()), Err(SvmError::TooFewClasses { .. })));
+    assert!(matches!(from(1, parts()), Err(SvmError::Labeled(LabeledError::TooFewClasses { .. }))));
     let (weights, mut rho, counts) = parts();
     rho[2] = f32::NAN;
     assert!(matches!(from(3, (weights, rho, counts)), Err(SvmError::Damaged { machine_idx: 2, .. })));
