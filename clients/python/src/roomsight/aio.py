@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
-from types import TracebackType
 from typing import Any, Optional, Union
 
 import httpx
@@ -15,12 +14,13 @@ from websockets.typing import Subprotocol
 
 from . import calls, messages
 from .calls import DEFAULT_URL, PATIENCE_S, Frame
+from .closing import AsyncClosing
 from .errors import RoomsightError
 from .messages import Hello, Message, Position, ResumePoint
 from .types import Answer, ModelList
 
 
-class AsyncClient:
+class AsyncClient(AsyncClosing):
     """A service that can be called, with a key where it asks for one. Close it, or use ``async with``."""
 
     def __init__(self, url: str = DEFAULT_URL, key: Optional[str] = None) -> None:
@@ -88,17 +88,6 @@ class AsyncClient:
         """Closes the connections of the calls. Streams are closed by themselves."""
         await self._http.aclose()
 
-    async def __aenter__(self) -> AsyncClient:
-        return self
-
-    async def __aexit__(
-        self,
-        kind: Optional[type[BaseException]],
-        error: Optional[BaseException],
-        trace: Optional[TracebackType],
-    ) -> None:
-        await self.close()
-
     async def _call(self, method: str, url: str, **arguments: Any) -> httpx.Response:
         try:
             return await self._http.request(method, url, **arguments)
@@ -125,7 +114,7 @@ class AsyncClient:
             return AsyncStream(socket, opened.pop_all(), Position(hello, point), hello)
 
 
-class AsyncStream:
+class AsyncStream(AsyncClosing):
     """An open stream; every frame gets one answer, in the order sent. Made by ``AsyncClient.stream``.
 
     One task may send while another receives.
@@ -198,17 +187,6 @@ class AsyncStream:
     async def close(self) -> None:
         """Ends the stream."""
         await self._opened.aclose()
-
-    async def __aenter__(self) -> AsyncStream:
-        return self
-
-    async def __aexit__(
-        self,
-        kind: Optional[type[BaseException]],
-        error: Optional[BaseException],
-        trace: Optional[TracebackType],
-    ) -> None:
-        await self.close()
 
     async def _send(self, message: Union[str, bytes]) -> None:
         try:

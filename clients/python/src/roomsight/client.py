@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Any, Optional, Union
 
 import httpx
@@ -14,12 +13,13 @@ from websockets.typing import Subprotocol
 
 from . import calls, messages
 from .calls import DEFAULT_URL, PATIENCE_S, Frame
+from .closing import Closing
 from .errors import RoomsightError
 from .messages import Hello, Message, Position, ResumePoint
 from .types import Answer, ModelList
 
 
-class Client:
+class Client(Closing):
     """A service that can be called, with a key where it asks for one. Close it, or use it with ``with``."""
 
     def __init__(self, url: str = DEFAULT_URL, key: Optional[str] = None) -> None:
@@ -87,17 +87,6 @@ class Client:
         """Closes the connections of the calls. Streams are closed by themselves."""
         self._http.close()
 
-    def __enter__(self) -> Client:
-        return self
-
-    def __exit__(
-        self,
-        kind: Optional[type[BaseException]],
-        error: Optional[BaseException],
-        trace: Optional[TracebackType],
-    ) -> None:
-        self.close()
-
     def _call(self, method: str, url: str, **arguments: Any) -> httpx.Response:
         try:
             return self._http.request(method, url, **arguments)
@@ -124,7 +113,7 @@ class Client:
             return Stream(socket, opened.pop_all(), Position(hello, point), hello)
 
 
-class Stream:
+class Stream(Closing):
     """An open stream; every frame gets one answer, in the order sent. Made by ``Client.stream``.
 
     One thread may send while another receives.
@@ -197,17 +186,6 @@ class Stream:
     def close(self) -> None:
         """Ends the stream."""
         self._opened.close()
-
-    def __enter__(self) -> Stream:
-        return self
-
-    def __exit__(
-        self,
-        kind: Optional[type[BaseException]],
-        error: Optional[BaseException],
-        trace: Optional[TracebackType],
-    ) -> None:
-        self.close()
 
     def _send(self, message: Union[str, bytes]) -> None:
         try:
