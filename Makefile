@@ -2,6 +2,9 @@
 
 ARGS ?=
 
+# What users may leave out is tested too.
+FEATURES := --all-features
+
 PYTHON ?= python3
 # An S3 server, which the tests of models in buckets start.
 MOTO := 'moto[s3]' flask flask-cors
@@ -20,14 +23,14 @@ demo: tools ## simulate a lab, train, evaluate, serve; ARGS=--exit to end by its
 
 test: tools ## format, lints, all tests
 	cargo fmt --check
-	cargo clippy --all-targets -- -D warnings
-	cargo test
+	cargo clippy --all-targets $(FEATURES) -- -D warnings
+	cargo test $(FEATURES)
 	@$(MAKE) --no-print-directory test-python
 
 test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
-	  cargo build --tests && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
-	  cargo test --lib repository::bucket; \
+	  cargo build --tests $(FEATURES) && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
+	  cargo test $(FEATURES) --lib repository::bucket; \
 	else \
 	  echo "LEFT OUT: the tests of the Python client, of Triton's and of buckets. They take python3 with venv, and its packages from an index." >&2; \
 	fi
