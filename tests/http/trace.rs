@@ -100,7 +100,7 @@ mod exported {
         let address = running.url.trim_start_matches("http://").to_owned();
         let headers = [("traceparent", traceparent.as_str())];
         let mut robot = Robot::try_connect_to(&address, "?mode=lossless", &headers).await.unwrap();
-        for _ in 0..3 {
+        for _ in 0..4 {
             robot.send(frame()).await;
             assert!(matches!(robot.next().await, ServerMessage::Result(_)));
         }
@@ -110,8 +110,10 @@ mod exported {
         // A span's name is its field 5.
         let named = |name: &str| count(&received, &[&[0x2a, name.len() as u8], name.as_bytes()].concat());
         for stage in ["frame", "queue", "decode", "features", "classify"] {
-            assert_eq!(named(stage), 3, "{stage}");
+            // The last answer may be here before its spans have ended.
+            assert!((3..=4).contains(&named(stage)), "{stage}: {}", named(stage));
         }
-        assert_eq!(count(&received, &trace_id()), 4, "the stream's span and a link from each frame");
+        let n_links = count(&received, &trace_id()) - 1;
+        assert_eq!(n_links, named("frame"), "beside the stream's own span each frame names its trace");
     }
 }

@@ -69,6 +69,9 @@ impl Registry {
         change: Change,
         expected_epoch: Option<u64>,
     ) -> Result<(), ChangeError> {
+        self.entry(name)?;
+        // What is known may be older than what others decided, even where nothing seems to change.
+        self.catch_up(name)?;
         let ticket = self.begin(name, expected_epoch)?;
         let mut loaded = None;
         let mut result = self.try_to_apply(name, (change, ticket), &mut loaded);
@@ -410,6 +413,17 @@ mod tests {
         let record = registry.repository.record("lab").unwrap();
         assert_eq!((record.stable, record.shadow, record.epoch), (Some(2), Some(3), epoch + 2));
         assert_eq!(stable(&registry), Some(2));
+
+        // Nothing would change by what is known here.
+        registry.repository.write_record("lab", &record.activated(1)).unwrap();
+        registry.change("lab", Change::Activate(2), None).unwrap();
+        assert_eq!(registry.repository.record("lab").unwrap().stable, Some(2));
+
+        let ticket = registry.begin("lab", None).unwrap();
+        let record = registry.repository.record("lab").unwrap();
+        registry.repository.write_record("lab", &record.activated(1)).unwrap();
+        let late = registry.commit("lab", (Change::Shadow(None), ticket), None);
+        assert!(matches!(late, Err(ChangeError::Repository(RepositoryError::Overtaken { .. }))));
     }
 
     #[test]
