@@ -69,9 +69,6 @@ impl Registry {
         change: Change,
         expected_epoch: Option<u64>,
     ) -> Result<(), ChangeError> {
-        self.entry(name)?;
-        // What is known may be older than what others decided, even where nothing seems to change.
-        self.catch_up(name)?;
         let ticket = self.begin(name, expected_epoch)?;
         let mut loaded = None;
         let mut result = self.try_to_apply(name, (change, ticket), &mut loaded);
@@ -109,16 +106,10 @@ impl Registry {
         (change, ticket): (Change, u64),
         loaded: &mut Option<(u64, Loaded)>,
     ) -> Result<(), ChangeError> {
-        let mut wanted = change.wants(&change.of(&self.entry(name)?.record)?);
         loop {
-            if let Some(version) =
-                wanted.filter(|version| loaded.as_ref().is_none_or(|(loaded, _)| loaded != version))
-            {
-                *loaded = Some((version, self.load(name, version)?));
-            }
             match self.commit(name, (change, ticket), loaded.as_ref())? {
                 Commit::Done => return Ok(()),
-                Commit::Wants(version) => wanted = Some(version),
+                Commit::Wants(version) => *loaded = Some((version, self.load(name, version)?)),
             }
         }
     }
@@ -157,8 +148,11 @@ impl Registry {
         Ok(())
     }
 
-    /// Numbers a change by when it began.
+    /// Numbers a change by when it began. What others decided before it is read, since what is known here may be
+    /// older.
     fn begin(&self, name: &str, expected_epoch: Option<u64>) -> Result<u64, ChangeError> {
+        self.entry(name)?;
+        self.catch_up(name)?;
         let mut book = self.book();
         let entry = book.models.get_mut(name).ok_or_else(|| LookupError::NoModel(name.to_owned()))?;
         let current = entry.record.epoch;
@@ -330,7 +324,7 @@ impl Entry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::repository::Repository;
+    use crate::repository::{RecordError, Repository};
     use crate::server::events::Events;
     use crate::server::metrics::Metrics;
     use crate::server::settings::{Policy, Settings};
@@ -419,9 +413,14 @@ mod tests {
         registry.change("lab", Change::Activate(2), None).unwrap();
         assert_eq!(registry.repository.record("lab").unwrap().stable, Some(2));
 
-        let ticket = registry.begin("lab", None).unwrap();
         let record = registry.repository.record("lab").unwrap();
         registry.repository.write_record("lab", &record.activated(1)).unwrap();
+        let deleted = registry.delete(&VersionId::new("lab", 1), None);
+        assert!(matches!(deleted, Err(ChangeError::Record(RecordError::Labeled { label: "stable", .. }))));
+
+        let ticket = registry.begin("lab", None).unwrap();
+        let record = registry.repository.record("lab").unwrap();
+        registry.repository.write_record("lab", &record.activated(2)).unwrap();
         let late = registry.commit("lab", (Change::Shadow(None), ticket), None);
         assert!(matches!(late, Err(ChangeError::Repository(RepositoryError::Overtaken { .. }))));
     }
