@@ -3,11 +3,15 @@
 use super::App;
 use super::routes::router;
 use super::watch::watch;
+use hyper::Request;
+use hyper::body::Incoming;
 use hyper::server::conn::http1;
+use hyper::service::{Service, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use std::convert::Infallible;
 use std::io;
+use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,6 +24,10 @@ use tokio::task::JoinSet;
 const MAX_BUFFER_BYTES: usize = 64 << 10;
 /// How long to wait after `accept` failed, most likely for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
+
+/// The address that a connection comes from; every request carries it as an extension.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Peer(pub SocketAddr);
 
 /// Serves until `shutdown` is ready. Then readiness turns 503, new frames are refused, accepted
 /// ones are answered within the setting `drain_timeout_ms`, and this returns.
@@ -79,8 +87,8 @@ impl Acceptor {
     async fn run(&self, connections: &mut JoinSet<()>, life: Life) -> Infallible {
         loop {
             tokio::select! {
-                Some((stream, permit)) = self.accept() => {
-                    connections.spawn(self.connection(stream, permit, life));
+                Some((stream, peer, permit)) = self.accept() => {
+                    connections.spawn(self.connection(stream, peer, permit, life));
                 }
                 Some(_) = connections.join_next() => {}
             }
@@ -88,11 +96,11 @@ impl Acceptor {
     }
 
     /// The next connection, once fewer than the most are open.
-    async fn accept(&self) -> Option<(TcpStream, OwnedSemaphorePermit)> {
+    async fn accept(&self) -> Option<(TcpStream, Peer, OwnedSemaphorePermit)> {
         let permit = self.permits.clone().acquire_owned().await.ok()?;
         loop {
             match self.listener.accept().await {
-                Ok((stream, _)) => return Some((stream, permit)),
+                Ok((stream, address)) => return Some((stream, Peer(address), permit)),
                 Err(error) => {
                     tracing::warn!(%error, "a connection could not be accepted");
                     tokio::time::sleep(ACCEPT_PAUSE).await;
@@ -104,6 +112,7 @@ impl Acceptor {
     fn connection(
         &self,
         stream: TcpStream,
+        peer: Peer,
         permit: OwnedSemaphorePermit,
         life: Life,
     ) -> impl Future<Output = ()> + Send + use<> {
@@ -111,12 +120,17 @@ impl Acceptor {
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%error, "TCP_NODELAY could not be set");
         }
+        let router = self.service.clone();
+        let service = service_fn(move |mut request: Request<Incoming>| {
+            request.extensions_mut().insert(peer);
+            router.call(request)
+        });
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
             .header_read_timeout(self.header_timeout)
             .max_buf_size(MAX_BUFFER_BYTES)
             .keep_alive(life == Life::UntilStop)
-            .serve_connection(TokioIo::new(stream), self.service.clone())
+            .serve_connection(TokioIo::new(stream), service)
             .with_upgrades();
         let stopped = self.stopped.clone();
         async move {

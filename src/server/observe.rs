@@ -2,6 +2,7 @@
 
 use super::App;
 use super::linger::linger;
+use super::listen::Peer;
 use super::problem::{ErrorForm, Problem};
 use super::trace::TraceParent;
 use axum::extract::{MatchedPath, Request, State};
@@ -63,10 +64,11 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     let form = ErrorForm::of(request.uri().path());
     let route = request.extensions().get::<MatchedPath>().cloned();
     let method = request.method().clone();
+    let peer = request.extensions().get::<Peer>().map(|peer| tracing::field::display(peer.0));
     let route_name = || route.as_ref().map_or(NO_ROUTE, MatchedPath::as_str);
     let span = info_span!(
-        "request", request_id = %context.id, %method, route = route_name(), trace_id = Empty,
-        key = Empty, robot = Empty, model = Empty
+        "request", request_id = %context.id, %method, route = route_name(), peer,
+        trace_id = Empty, key = Empty, robot = Empty, model = Empty
     );
     if let Some(parent) = TraceParent::of(request.headers()) {
         parent.adopt(&span);
