@@ -93,94 +93,120 @@ fn product(a: [i16; 2], b: [i16; 2]) -> i32 {
 
 /// The nearest column of each row, by the distance of the fixed-point vectors, ties to the first, into
 /// `nearest`; `rows` holds as many.
+///
+/// # Panics
+///
+/// When there are fewer rows.
 pub fn nearest_columns(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
     // No plain Rust is compiled to the instruction that multiplies pairs and adds them; hence not `dispatch`.
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn with_avx2(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
-            nearest_columns_kernel::<x86::Avx2>(rows, columns, nearest);
+        fn with_avx2(avx2: x86::Avx2, rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
+            nearest_columns_kernel(avx2, rows, columns, nearest);
         }
 
         #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-        fn with_avx512(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
-            nearest_columns_kernel::<x86::Avx512>(rows, columns, nearest);
+        fn with_avx512(avx512: x86::Avx512, rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
+            nearest_columns_kernel(avx512, rows, columns, nearest);
         }
 
-        use std::arch::is_x86_feature_detected as has;
-        if has!("avx512f") && has!("avx512bw") && has!("avx512vl") {
+        if let Some(avx512) = x86::Avx512::detected() {
             // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx512(rows, columns, nearest) };
+            return unsafe { with_avx512(avx512, rows, columns, nearest) };
         }
-        if has!("avx2") {
+        if let Some(avx2) = x86::Avx2::detected() {
             // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx2(rows, columns, nearest) };
+            return unsafe { with_avx2(avx2, rows, columns, nearest) };
         }
     }
-    nearest_columns_kernel::<Plain>(rows, columns, nearest);
+    nearest_columns_kernel(Plain, rows, columns, nearest);
 }
 
 /// The largest product of each row with any column into `of_rows`, and of each column with any row into
 /// `of_columns`, in fixed point; both hold as many as there are. Without any it is `i32::MIN`.
+///
+/// # Panics
+///
+/// When there are fewer rows.
 pub fn largest_products(rows: &UnitRows, columns: &UnitColumns, of_rows: &mut [i32], of_columns: &mut [i32]) {
     // As above.
     #[cfg(target_arch = "x86_64")]
     {
         #[target_feature(enable = "avx2")]
-        fn with_avx2(rows: &UnitRows, columns: &UnitColumns, of_rows: &mut [i32], of_columns: &mut [i32]) {
-            largest_products_kernel::<x86::Avx2>(rows, columns, of_rows, of_columns);
+        fn with_avx2(
+            avx2: x86::Avx2,
+            rows: &UnitRows,
+            columns: &UnitColumns,
+            of_rows: &mut [i32],
+            of_columns: &mut [i32],
+        ) {
+            largest_products_kernel(avx2, rows, columns, of_rows, of_columns);
         }
 
         #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-        fn with_avx512(rows: &UnitRows, columns: &UnitColumns, of_rows: &mut [i32], of_columns: &mut [i32]) {
-            largest_products_kernel::<x86::Avx512>(rows, columns, of_rows, of_columns);
+        fn with_avx512(
+            avx512: x86::Avx512,
+            rows: &UnitRows,
+            columns: &UnitColumns,
+            of_rows: &mut [i32],
+            of_columns: &mut [i32],
+        ) {
+            largest_products_kernel(avx512, rows, columns, of_rows, of_columns);
         }
 
-        use std::arch::is_x86_feature_detected as has;
-        if has!("avx512f") && has!("avx512bw") && has!("avx512vl") {
+        if let Some(avx512) = x86::Avx512::detected() {
             // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx512(rows, columns, of_rows, of_columns) };
+            return unsafe { with_avx512(avx512, rows, columns, of_rows, of_columns) };
         }
-        if has!("avx2") {
+        if let Some(avx2) = x86::Avx2::detected() {
             // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx2(rows, columns, of_rows, of_columns) };
+            return unsafe { with_avx2(avx2, rows, columns, of_rows, of_columns) };
         }
     }
-    largest_products_kernel::<Plain>(rows, columns, of_rows, of_columns);
+    largest_products_kernel(Plain, rows, columns, of_rows, of_columns);
 }
 
-/// Running products of one row with [`COLUMN_BLOCK`] columns.
-trait Products: Copy {
-    const ZERO: Self;
+/// Instructions that multiply pairs and add the products. Who has a value may execute them.
+trait Instructions: Copy {
+    /// Running products of one row with [`COLUMN_BLOCK`] columns.
+    type Sums: Copy;
+
+    const ZERO: Self::Sums;
 
     /// Adds the products of the next pair.
-    fn add(self, pair: [i16; 2], lanes: &[[i16; 2]; COLUMN_BLOCK]) -> Self;
+    fn add(self, sums: Self::Sums, pair: [i16; 2], lanes: &[[i16; 2]; COLUMN_BLOCK]) -> Self::Sums;
 
-    fn into_lanes(self) -> [i32; COLUMN_BLOCK];
+    fn into_lanes(sums: Self::Sums) -> [i32; COLUMN_BLOCK];
 }
 
+/// Those that every CPU has.
 #[derive(Clone, Copy)]
-struct Plain([i32; COLUMN_BLOCK]);
+struct Plain;
 
-impl Products for Plain {
-    const ZERO: Self = Self([0; COLUMN_BLOCK]);
+impl Instructions for Plain {
+    type Sums = [i32; COLUMN_BLOCK];
+
+    const ZERO: Self::Sums = [0; COLUMN_BLOCK];
 
     #[inline(always)]
-    fn add(mut self, pair: [i16; 2], lanes: &[[i16; 2]; COLUMN_BLOCK]) -> Self {
-        self.0.iter_mut().zip(lanes).for_each(|(sum, &lane)| *sum = sum.wrapping_add(product(pair, lane)));
-        self
+    fn add(self, mut sums: Self::Sums, pair: [i16; 2], lanes: &[[i16; 2]; COLUMN_BLOCK]) -> Self::Sums {
+        sums.iter_mut().zip(lanes).for_each(|(sum, &lane)| *sum = sum.wrapping_add(product(pair, lane)));
+        sums
     }
 
-    fn into_lanes(self) -> [i32; COLUMN_BLOCK] {
-        self.0
+    #[inline(always)]
+    fn into_lanes(sums: Self::Sums) -> [i32; COLUMN_BLOCK] {
+        sums
     }
 }
 
-/// The same with the instructions that multiply pairs. To be called from functions compiled for them alone,
-/// into which it is inlined.
+/// Those of wider vectors. There is a value only where the CPU has them; they are fast in functions compiled
+/// for them, into which they are inlined.
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{COLUMN_BLOCK, Products};
+    use super::{COLUMN_BLOCK, Instructions};
+    use std::arch::is_x86_feature_detected as has;
     use std::arch::x86_64::{
         __m256i, __m512i, _mm256_add_epi32, _mm256_madd_epi16, _mm256_set1_epi32, _mm512_add_epi32,
         _mm512_madd_epi16, _mm512_set1_epi32,
@@ -189,60 +215,85 @@ mod x86 {
 
     type Lanes = [[i16; 2]; COLUMN_BLOCK];
 
+    /// AVX2.
     #[derive(Clone, Copy)]
-    pub struct Avx2([__m256i; 2]);
+    pub struct Avx2(());
 
-    impl Products for Avx2 {
-        // SAFETY: whole numbers of the same size.
-        const ZERO: Self = Self(unsafe { transmute::<Lanes, [__m256i; 2]>([[0; 2]; COLUMN_BLOCK]) });
-
-        #[inline(always)]
-        fn add(self, pair: [i16; 2], lanes: &Lanes) -> Self {
-            // SAFETY: whole numbers of the same size; the caller has AVX2.
-            unsafe {
-                let pairs = _mm256_set1_epi32(transmute::<[i16; 2], i32>(pair));
-                let lanes = transmute::<Lanes, [__m256i; 2]>(*lanes);
-                Self([
-                    _mm256_add_epi32(self.0[0], _mm256_madd_epi16(pairs, lanes[0])),
-                    _mm256_add_epi32(self.0[1], _mm256_madd_epi16(pairs, lanes[1])),
-                ])
-            }
-        }
-
-        #[inline(always)]
-        fn into_lanes(self) -> [i32; COLUMN_BLOCK] {
-            // SAFETY: whole numbers of the same size.
-            unsafe { transmute(self.0) }
+    impl Avx2 {
+        /// `None` where the CPU lacks it.
+        pub fn detected() -> Option<Self> {
+            has!("avx2").then_some(Self(()))
         }
     }
 
-    #[derive(Clone, Copy)]
-    pub struct Avx512(__m512i);
+    impl Instructions for Avx2 {
+        type Sums = [__m256i; 2];
 
-    impl Products for Avx512 {
         // SAFETY: whole numbers of the same size.
-        const ZERO: Self = Self(unsafe { transmute::<Lanes, __m512i>([[0; 2]; COLUMN_BLOCK]) });
+        const ZERO: Self::Sums = unsafe { transmute::<Lanes, [__m256i; 2]>([[0; 2]; COLUMN_BLOCK]) };
 
         #[inline(always)]
-        fn add(self, pair: [i16; 2], lanes: &Lanes) -> Self {
-            // SAFETY: whole numbers of the same size; the caller has AVX-512 with bytes and words.
+        fn add(self, sums: Self::Sums, pair: [i16; 2], lanes: &Lanes) -> Self::Sums {
+            // SAFETY: whole numbers of the same size; `self` was made where the CPU has AVX2.
             unsafe {
-                let pairs = _mm512_set1_epi32(transmute::<[i16; 2], i32>(pair));
-                let lanes = transmute::<Lanes, __m512i>(*lanes);
-                Self(_mm512_add_epi32(self.0, _mm512_madd_epi16(pairs, lanes)))
+                let pairs = _mm256_set1_epi32(transmute::<[i16; 2], i32>(pair));
+                let lanes = transmute::<Lanes, [__m256i; 2]>(*lanes);
+                [
+                    _mm256_add_epi32(sums[0], _mm256_madd_epi16(pairs, lanes[0])),
+                    _mm256_add_epi32(sums[1], _mm256_madd_epi16(pairs, lanes[1])),
+                ]
             }
         }
 
         #[inline(always)]
-        fn into_lanes(self) -> [i32; COLUMN_BLOCK] {
+        fn into_lanes(sums: Self::Sums) -> [i32; COLUMN_BLOCK] {
             // SAFETY: whole numbers of the same size.
-            unsafe { transmute(self.0) }
+            unsafe { transmute(sums) }
+        }
+    }
+
+    /// AVX-512 with bytes, words and shorter vectors.
+    #[derive(Clone, Copy)]
+    pub struct Avx512(());
+
+    impl Avx512 {
+        /// `None` where the CPU lacks it.
+        pub fn detected() -> Option<Self> {
+            (has!("avx512f") && has!("avx512bw") && has!("avx512vl")).then_some(Self(()))
+        }
+    }
+
+    impl Instructions for Avx512 {
+        type Sums = __m512i;
+
+        // SAFETY: whole numbers of the same size.
+        const ZERO: Self::Sums = unsafe { transmute::<Lanes, __m512i>([[0; 2]; COLUMN_BLOCK]) };
+
+        #[inline(always)]
+        fn add(self, sums: Self::Sums, pair: [i16; 2], lanes: &Lanes) -> Self::Sums {
+            // SAFETY: whole numbers of the same size; `self` was made where the CPU has AVX-512.
+            unsafe {
+                let pairs = _mm512_set1_epi32(transmute::<[i16; 2], i32>(pair));
+                let lanes = transmute::<Lanes, __m512i>(*lanes);
+                _mm512_add_epi32(sums, _mm512_madd_epi16(pairs, lanes))
+            }
+        }
+
+        #[inline(always)]
+        fn into_lanes(sums: Self::Sums) -> [i32; COLUMN_BLOCK] {
+            // SAFETY: whole numbers of the same size.
+            unsafe { transmute(sums) }
         }
     }
 }
 
 #[inline(always)]
-fn nearest_columns_kernel<P: Products>(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
+fn nearest_columns_kernel<I: Instructions>(
+    instructions: I,
+    rows: &UnitRows,
+    columns: &UnitColumns,
+    nearest: &mut [u32],
+) {
     let n = columns.n_pairs;
     let mut row_idx = 0;
     while row_idx < nearest.len() {
@@ -250,10 +301,10 @@ fn nearest_columns_kernel<P: Products>(rows: &UnitRows, columns: &UnitColumns, n
         let block = &rows.pairs[row_idx * n..(row_idx + n_block) * n];
         let nearest = &mut nearest[row_idx..][..n_block];
         if n_block == ROW_BLOCK {
-            nearest_of_block::<P, ROW_BLOCK>(block, columns, nearest);
+            nearest_of_block::<I, ROW_BLOCK>(instructions, block, columns, nearest);
         } else {
             for i in 0..n_block {
-                nearest_of_block::<P, 1>(&block[i * n..][..n], columns, &mut nearest[i..=i]);
+                nearest_of_block::<I, 1>(instructions, &block[i * n..][..n], columns, &mut nearest[i..=i]);
             }
         }
         row_idx += n_block;
@@ -263,7 +314,8 @@ fn nearest_columns_kernel<P: Products>(rows: &UnitRows, columns: &UnitColumns, n
 /// `R` rows against all columns, [`COLUMN_BLOCK`] at a time; a lane is a column. The nearest column has the
 /// largest 2 row . column - |column|^2.
 #[inline(always)]
-fn nearest_of_block<P: Products, const R: usize>(
+fn nearest_of_block<I: Instructions, const R: usize>(
+    instructions: I,
     rows: &[[i16; 2]],
     columns: &UnitColumns,
     nearest: &mut [u32],
@@ -273,7 +325,7 @@ fn nearest_of_block<P: Products, const R: usize>(
     let mut best_score = [[i32::MIN; COLUMN_BLOCK]; R];
     let mut best_block = [[0u32; COLUMN_BLOCK]; R];
     for (block_idx, squared_lengths) in columns.squared_lengths.iter().enumerate() {
-        let products = products_of_block::<P, R>(&row, &columns.blocks[block_idx * n..][..n]);
+        let products = products_of_block(instructions, &row, &columns.blocks[block_idx * n..][..n]);
         for r in 0..R {
             keep_larger(&products[r], squared_lengths, block_idx, &mut best_score[r], &mut best_block[r]);
         }
@@ -293,17 +345,18 @@ fn nearest_of_block<P: Products, const R: usize>(
 
 /// The products of `R` rows with a block of columns.
 #[inline(always)]
-fn products_of_block<P: Products, const R: usize>(
+fn products_of_block<I: Instructions, const R: usize>(
+    instructions: I,
     rows: &[&[[i16; 2]]; R],
     block: &[[[i16; 2]; COLUMN_BLOCK]],
 ) -> [[i32; COLUMN_BLOCK]; R] {
-    let mut products = [P::ZERO; R];
+    let mut products = [I::ZERO; R];
     for (i, lanes) in block.iter().enumerate() {
         for r in 0..R {
-            products[r] = products[r].add(rows[r][i], lanes);
+            products[r] = instructions.add(products[r], rows[r][i], lanes);
         }
     }
-    products.map(P::into_lanes)
+    products.map(I::into_lanes)
 }
 
 /// Keeps in each lane the larger score, and the block that it is from.
@@ -330,7 +383,8 @@ fn keep_larger(
 }
 
 #[inline(always)]
-fn largest_products_kernel<P: Products>(
+fn largest_products_kernel<I: Instructions>(
+    instructions: I,
     rows: &UnitRows,
     columns: &UnitColumns,
     of_rows: &mut [i32],
@@ -342,10 +396,11 @@ fn largest_products_kernel<P: Products>(
     let (of_blocks, of_rest) = rows.pairs.split_at(blocks.len() * ROW_BLOCK * n);
     for (block_idx, of_rows) in blocks.iter_mut().enumerate() {
         let rows = &of_blocks[block_idx * ROW_BLOCK * n..][..ROW_BLOCK * n];
-        largest_of_block::<P, ROW_BLOCK>(rows, columns, of_rows, of_columns);
+        largest_of_block::<I, ROW_BLOCK>(instructions, rows, columns, of_rows, of_columns);
     }
     for (row_idx, of_row) in rest.iter_mut().enumerate() {
-        largest_of_block::<P, 1>(
+        largest_of_block::<I, 1>(
+            instructions,
             &of_rest[row_idx * n..][..n],
             columns,
             std::array::from_mut(of_row),
@@ -356,7 +411,8 @@ fn largest_products_kernel<P: Products>(
 
 /// `R` rows against all columns, [`COLUMN_BLOCK`] at a time; a lane is a column.
 #[inline(always)]
-fn largest_of_block<P: Products, const R: usize>(
+fn largest_of_block<I: Instructions, const R: usize>(
+    instructions: I,
     rows: &[[i16; 2]],
     columns: &UnitColumns,
     of_rows: &mut [i32; R],
@@ -368,7 +424,7 @@ fn largest_of_block<P: Products, const R: usize>(
     let of_blocks = of_columns.chunks_mut(COLUMN_BLOCK);
     for (block_idx, (squared_lengths, of_block)) in columns.squared_lengths.iter().zip(of_blocks).enumerate()
     {
-        let products = products_of_block::<P, R>(&row, &columns.blocks[block_idx * n..][..n]);
+        let products = products_of_block(instructions, &row, &columns.blocks[block_idx * n..][..n]);
         let mut largest = [i32::MIN; COLUMN_BLOCK];
         for r in 0..R {
             let products = without_padding(&products[r], squared_lengths);
@@ -426,7 +482,7 @@ mod tests {
             let (fixed_rows, columns) = (UnitRows::new(&rows), UnitColumns::new(&centers));
             let (mut nearest, mut plain) = (vec![0; n_rows], vec![0; n_rows]);
             nearest_columns(&fixed_rows, &columns, &mut nearest);
-            nearest_columns_kernel::<Plain>(&fixed_rows, &columns, &mut plain);
+            nearest_columns_kernel(Plain, &fixed_rows, &columns, &mut plain);
             prop_assert_eq!(&nearest, &plain);
             for (row_idx, row) in rows.rows().enumerate() {
                 let distance = |center: &[f32]| -> i64 {
@@ -459,7 +515,10 @@ mod tests {
             };
             let expected = (largest(&rows, &others), largest(&others, &rows));
             prop_assert_eq!(found(largest_products), expected.clone());
-            prop_assert_eq!(found(largest_products_kernel::<Plain>), expected);
+            let plain = |rows: &_, columns: &_, of_rows: &mut _, of_columns: &mut _| {
+                largest_products_kernel(Plain, rows, columns, of_rows, of_columns);
+            };
+            prop_assert_eq!(found(plain), expected);
         }
     }
 }

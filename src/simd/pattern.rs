@@ -128,13 +128,30 @@ impl Grid {
         self.side.next_multiple_of(GRID_BLOCK)
     }
 
+    /// A position. Those that fill up the last block of a row may wrap round; nothing is read there.
     #[inline(always)]
     fn at(&self, row: usize, column: usize) -> (i32, i32) {
         let (row, column) = (row as i32, column as i32);
-        (
-            self.start.0 + row * self.down.0 + column * self.right.0,
-            self.start.1 + row * self.down.1 + column * self.right.1,
-        )
+        let sum = |start: i32, down: i32, right: i32| {
+            start.wrapping_add(row.wrapping_mul(down)).wrapping_add(column.wrapping_mul(right))
+        };
+        (sum(self.start.0, self.down.0, self.right.0), sum(self.start.1, self.down.1, self.right.1))
+    }
+
+    /// Whether all positions lie between four pixels of an image, and none wraps round.
+    fn is_inside(&self, width: usize, height: usize) -> bool {
+        // Sums of products of 32 bits fit 64, and columns and rows lie between those of the corners.
+        let Ok(last) = i32::try_from(self.side.saturating_sub(1)) else { return false };
+        let is_inside = |start: i32, steps: [(i32, i32); 2], size: usize| {
+            let offset = |(count, step): (i32, i32)| i64::from(count) * i64::from(step);
+            let position = i64::from(start) + steps.map(offset).iter().sum::<i64>();
+            i32::try_from(position)
+                .is_ok_and(|position| position >= 0 && (position as usize >> 16) + 1 < size)
+        };
+        [(0, 0), (0, last), (last, 0), (last, last)].into_iter().all(|(row, column)| {
+            is_inside(self.start.0, [(row, self.down.0), (column, self.right.0)], width)
+                && is_inside(self.start.1, [(row, self.down.1), (column, self.right.1)], height)
+        })
     }
 }
 
@@ -145,7 +162,8 @@ dispatch! {
     ///
     /// # Panics
     ///
-    /// When a position is not between four pixels of the image.
+    /// When a position is not between four pixels of the image, the image has 2^31 pixels or more, or
+    /// `quads` or `values` is too short.
     interpolate_grid, interpolate_grid_kernel,
     (pixels: &[u8], width: usize, grid: Grid, quads: &mut [u32], values: &mut [u8])
 }
@@ -156,26 +174,22 @@ fn interpolate_grid_kernel(pixels: &[u8], width: usize, grid: Grid, quads: &mut 
     if side == 0 {
         return;
     }
-    let last = side - 1;
-    for (x, y) in [grid.at(0, 0), grid.at(0, last), grid.at(last, 0), grid.at(last, last)] {
-        let (column, row) = (x >> 16, y >> 16);
-        // Between the corners, columns and rows are between theirs.
-        assert!(column >= 0 && row >= 0 && (column as usize) + 1 < width);
-        assert!((row as usize + 1) * width + column as usize + 1 < pixels.len());
-    }
+    let height = pixels.len().checked_div(width).unwrap_or(0);
+    // All that is read below rests on this.
+    assert!(grid.is_inside(width, height) && i32::try_from(pixels.len()).is_ok(), "{grid:?} is outside");
     // Where the pixels lie and what they amount to is computed for many positions at once; between the two
     // they are read.
     for (row, indices) in quads[..side * stride].chunks_exact_mut(stride).enumerate() {
         for (block_idx, indices) in indices.as_chunks_mut::<GRID_BLOCK>().0.iter_mut().enumerate() {
             for (lane, idx) in indices.iter_mut().enumerate() {
                 let (x, y) = grid.at(row, block_idx * GRID_BLOCK + lane);
-                *idx = ((y >> 16) * width as i32 + (x >> 16)) as u32;
+                *idx = (y >> 16).wrapping_mul(width as i32).wrapping_add(x >> 16) as u32;
             }
         }
     }
     let pair = |idx: usize| {
-        // SAFETY: `idx` and `idx + 1` are in `pixels`: the corners of the grid are between four pixels,
-        // hence all of it.
+        // SAFETY: `idx` and `idx + 1` are in `pixels`: they are the left and right pixel that a position of
+        // the grid lies between, above or below it, and all positions are inside the image.
         u16::from_le_bytes(unsafe { pixels.as_ptr().add(idx).cast::<[u8; 2]>().read() })
     };
     for quads in quads[..side * stride].chunks_exact_mut(stride) {
@@ -332,7 +346,24 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "assertion failed")]
+    fn a_grid_whose_positions_fit_no_number_is_refused() {
+        let upright = Grid { start: (65_536, 65_536), right: (0, 0), down: (0, 0), side: 3 };
+        for grid in [
+            // Twice the least number is 0 again: the last position lies inside, those between do not.
+            Grid { right: (i32::MIN, 0), ..upright },
+            Grid { down: (i32::MIN, 0), ..upright },
+            Grid { right: (0, i32::MIN), ..upright },
+            Grid { start: (i32::MAX, 0), right: (1, 0), ..upright },
+        ] {
+            let interpolate = || {
+                interpolate_grid(&[7; 100], 10, grid, &mut [0; 48], &mut [0; 9 + GRID_BLOCK]);
+            };
+            assert!(std::panic::catch_unwind(interpolate).is_err(), "{grid:?}");
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "is outside")]
     fn a_grid_that_leaves_the_image_is_refused() {
         let grid = Grid { start: (8 << 16, 0), right: (65_536, 0), down: (0, 65_536), side: 2 };
         interpolate_grid(&[0; 100], 10, grid, &mut [0; 32], &mut [0; 20]);
