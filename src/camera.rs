@@ -6,6 +6,7 @@ pub use mirror::Mirror;
 
 use crate::image::Image;
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// How a camera projects the world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
@@ -75,7 +76,8 @@ impl Camera {
 
     /// The valid region of a frame of `width` x `height` pixels.
     pub fn view(&self, width: usize, height: usize) -> View {
-        let hidden = self.mask.as_ref().map(|mask| HiddenCount::new(&mask.0, width, height));
+        let wraps = self.projection == Projection::Equirectangular;
+        let hidden = self.mask.as_ref().map(|mask| HiddenCount::new(&mask.0, (width, height), wraps));
         View { width, height, projection: self.projection, hidden }
     }
 }
@@ -103,6 +105,11 @@ impl View {
     /// Whether the left and right edges of the frame meet.
     pub fn wraps(&self) -> bool {
         self.projection == Projection::Equirectangular
+    }
+
+    /// A column in the frame: where the edges meet, one beyond an edge is moved by whole turns.
+    pub fn column(&self, x: f32) -> f32 {
+        if self.wraps() { x.rem_euclid(self.width as f32) } else { x }
     }
 
     /// Whether all pixels nearer than `margin` to (x, y) are valid.
@@ -182,12 +189,13 @@ impl View {
 struct HiddenCount {
     width: usize,
     height: usize,
+    wraps: bool,
     /// `(width + 1) * (height + 1)` sums; the first row and column are zero.
     sums: Vec<u32>,
 }
 
 impl HiddenCount {
-    fn new(mask: &Image, width: usize, height: usize) -> Self {
+    fn new(mask: &Image, (width, height): (usize, usize), wraps: bool) -> Self {
         let stride = width + 1;
         let mut sums = vec![0; stride * (height + 1)];
         for y in 0..height {
@@ -198,16 +206,27 @@ impl HiddenCount {
                 sums[(y + 1) * stride + x + 1] = sums[y * stride + x + 1] + row_sum;
             }
         }
-        Self { width, height, sums }
+        Self { width, height, wraps, sums }
     }
 
     fn none(&self, x: f32, y: f32, margin: f32) -> bool {
         let low = |center: f32| (center - margin).floor().max(0.0) as usize;
         let high = |center: f32, end: usize| (((center + margin).ceil() + 1.0).max(0.0) as usize).min(end);
-        let (left, right) = (low(x).min(self.width), high(x, self.width));
-        let (top, bottom) = (low(y).min(self.height), high(y, self.height));
+        let rows = low(y).min(self.height)..high(y, self.height);
+        if !self.wraps {
+            return self.none_in(low(x).min(self.width)..high(x, self.width), rows);
+        }
+        let first = (x - margin).floor();
+        let n_columns = ((x + margin).ceil() + 1.0 - first).clamp(0.0, self.width as f32) as usize;
+        let left = (first.rem_euclid(self.width as f32) as usize).min(self.width);
+        let beyond = (left + n_columns).saturating_sub(self.width);
+        self.none_in(left..left + n_columns - beyond, rows.clone()) && self.none_in(0..beyond, rows)
+    }
+
+    fn none_in(&self, columns: Range<usize>, rows: Range<usize>) -> bool {
         let sum = |x: usize, y: usize| self.sums[y * (self.width + 1) + x];
-        sum(right, bottom) + sum(left, top) == sum(left, bottom) + sum(right, top)
+        sum(columns.end, rows.end) + sum(columns.start, rows.start)
+            == sum(columns.start, rows.end) + sum(columns.end, rows.start)
     }
 }
 
@@ -263,6 +282,20 @@ mod tests {
         let panorama = Camera::new(Projection::Equirectangular).view(20, 10);
         assert!(panorama.contains(0.0, 5.0, 3.0) && !panorama.contains(5.0, 0.0, 3.0));
         assert!(!Camera::new(Projection::Perspective).view(20, 10).contains(0.0, 5.0, 3.0));
+    }
+
+    #[test]
+    fn masks_hide_across_the_seam_of_a_panorama() {
+        let mask = Image::from_pixels(4, 1, vec![0, 255, 255, 255]).unwrap();
+        let camera = Camera { projection: Projection::Equirectangular, mask: Some(Mask::new(mask)) };
+        let view = camera.view(40, 20);
+        assert!(view.contains(36.0, 10.0, 3.0) && !view.contains(37.0, 10.0, 3.0));
+        assert!(
+            view.contains(-4.0, 10.0, 3.0)
+                && !view.contains(-3.0, 10.0, 3.0)
+                && !view.contains(41.0, 10.0, 1.0)
+        );
+        assert!(!view.contains(20.0, 10.0, 30.0), "all columns");
     }
 
     #[test]

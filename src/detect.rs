@@ -13,7 +13,7 @@ pub use surf::Surf;
 
 use crate::camera::View;
 use crate::image::Image;
-use crate::plane::{Levels, ScaleSpace};
+use crate::plane::{Levels, Plane, ScaleSpace};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
@@ -71,7 +71,7 @@ impl Detector {
     /// [`Detector::levels`], and is left alone otherwise.
     pub fn detect_with(&self, image: &Image, view: &View, space: &mut ScaleSpace) -> Vec<Keypoint> {
         if let Some(levels) = self.levels() {
-            space.build(image, levels, f32::INFINITY);
+            space.build(&Plane::new(image, view.wraps()), levels, f32::INFINITY);
         }
         match self {
             Self::Fast(fast) => fast.detect(image, view),
@@ -201,6 +201,45 @@ pub(crate) mod testing {
         };
         assert!(keypoints.len() >= 40, "{} keypoints", keypoints.len());
         keypoints.iter().filter(is_again).count() as f32 / keypoints.len() as f32
+    }
+
+    /// Smooth noise whose left and right edges meet, turned to the left by so many columns.
+    pub fn panorama(width: usize, height: usize, turn: usize) -> Image {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+        let noise: Vec<u32> = (0..width * height).map(|_| random.random_range(0..256)).collect();
+        let pixel = |idx: usize| {
+            let (x, y) = (idx % width + turn, idx / width);
+            let around = (0..16).map(|near| noise[(y + near / 4) % height * width + (x + near % 4) % width]);
+            // More contrast than the mean of sixteen has.
+            (4 * around.sum::<u32>() / 16).saturating_sub(384).min(255) as u8
+        };
+        Image::from_pixels(width, height, (0..width * height).map(pixel).collect()).unwrap()
+    }
+
+    /// Turning a panorama by whole pixels of all octaves turns the keypoints with it.
+    pub fn assert_keypoints_turn_with_a_panorama(detector: &Detector) {
+        const WIDTH: usize = 256;
+        let view = Camera::new(Projection::Equirectangular).view(WIDTH, 128);
+        let expected = detector.detect(&panorama(WIDTH, 128, 0), &view);
+        for edge in [0.0..4.0, 252.0..256.0] {
+            assert!(expected.iter().any(|found| edge.contains(&found.x)), "none at the edge {edge:?}");
+        }
+        for turn in [16, 64, 208] {
+            let turned = detector.detect(&panorama(WIDTH, 128, turn), &view);
+            assert_eq!(turned.len(), expected.len(), "turned by {turn}");
+            for found in turned {
+                assert!((0.0..=WIDTH as f32).contains(&found.x), "{found:?}");
+                let is_it = |other: &&Keypoint| {
+                    let columns = (other.x - found.x - turn as f32).rem_euclid(WIDTH as f32);
+                    let angle = found.angle.unwrap_or(0.0) - other.angle.unwrap_or(0.0);
+                    columns.min(WIDTH as f32 - columns) < 1e-3
+                        && (other.y - found.y).abs() < 1e-3
+                        && (other.scale - found.scale).abs() < 1e-3
+                        && angle.cos() > 0.9999
+                };
+                assert!(expected.iter().any(|other| is_it(&other)), "turned by {turn}: {found:?}");
+            }
+        }
     }
 
     /// Images of any small size, with any kind of view, have only valid keypoints.

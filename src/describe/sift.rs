@@ -10,7 +10,7 @@ use crate::camera::View;
 use crate::detect::Keypoint;
 use crate::image::Image;
 use crate::matrix::Matrix;
-use crate::plane::{Gradients, Levels, Location, ScaleSpace, gaussian_at};
+use crate::plane::{Gradients, Levels, Location, Plane, ScaleSpace, gaussian_at};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -75,7 +75,7 @@ impl SiftDescriptor {
         let doubled = finest < sigma * (-0.5 / n_layers as f32).exp2();
         let levels = Levels { doubled, ..Self::LEVELS };
         let mut space = ScaleSpace::default();
-        space.build(image, levels, coarsest);
+        space.build(&Plane::new(image, view.wraps()), levels, coarsest);
         self.describe_in(&space, keypoints, view)
     }
 
@@ -100,7 +100,7 @@ impl SiftDescriptor {
                 gradients.take(location.plane, y, &inside);
                 if !is_inside {
                     outside.resize(inside.len(), 0);
-                    let start = (inside.start as f32 * location.pixel, y as f32 * location.pixel);
+                    let start = (location.image_column(inside.start), y as f32 * location.pixel);
                     view.mark_outside(start, (location.pixel, 0.0), location.pixel, &mut outside);
                     let hidden = gradients.lengths.iter_mut().zip(&outside).filter(|(_, mark)| **mark != 0);
                     hidden.for_each(|(length, _)| *length = 0.0);
@@ -297,6 +297,22 @@ mod tests {
         let mut space = ScaleSpace::default();
         let found = Detector::Sift(Sift::default()).detect_with(&image, &view, &mut space);
         assert_eq!(sift.describe_in(&space, &found, &view), sift.describe(&image, &found, &view));
+    }
+
+    #[test]
+    fn a_turned_panorama_is_described_alike() {
+        use crate::detect::testing::panorama;
+        let view = Camera::new(Projection::Equirectangular).view(256, 128);
+        let found = |x: f32| [1.0, 4.0, 9.0].map(|scale| keypoint(x, 64.0, scale, Some(1.0)));
+        for (x, turn) in [(0.0, 128), (3.5, 64), (250.25, 208), (130.0, 128)] {
+            let turned_x = (x - turn as f32).rem_euclid(256.0);
+            let here = SiftDescriptor::default().describe(&panorama(256, 128, 0), &found(x), &view);
+            let there =
+                SiftDescriptor::default().describe(&panorama(256, 128, turn), &found(turned_x), &view);
+            for (a, b) in here.as_slice().iter().zip(there.as_slice()) {
+                assert!((a - b).abs() < 1e-3, "{x}: {a} {b}");
+            }
+        }
     }
 
     #[test]

@@ -23,7 +23,7 @@ impl<'a> HaarSampler<'a> {
     /// half than the upper, in sums of gray values. The square reaches `half` pixels from its center. Zero
     /// where it is not in the valid region.
     pub(crate) fn response(&self, x: f32, y: f32, half: usize) -> (f32, f32) {
-        let x = if self.view.wraps() { x.rem_euclid(self.view.width() as f32) } else { x };
+        let x = self.view.column(x);
         // Centers are rounded to the nearest corner of a pixel.
         if !self.view.contains(x, y, half as f32 + 1.0) {
             return (0.0, 0.0);

@@ -92,6 +92,7 @@ impl HarrisLaplace {
                 });
             }
         }
+        keypoints.iter_mut().for_each(|found| found.x = view.column(found.x));
         keypoints.retain(|found| view.contains(found.x, found.y, REACH * found.scale));
         keep_strongest(&mut keypoints, self.target);
         keypoints.sort_by(in_reading_order);
@@ -120,8 +121,11 @@ struct Harris {
 
 impl Harris {
     fn measure(&mut self, plane: &Plane, derivative_sigma: f32, integration_sigma: f32) {
-        let (width, height) = (plane.width(), plane.height());
-        self.products.iter_mut().chain([&mut self.measure]).for_each(|plane| plane.resize(width, height));
+        let (width, height, wraps) = (plane.width(), plane.height(), plane.wraps());
+        self.products
+            .iter_mut()
+            .chain([&mut self.measure])
+            .for_each(|plane| plane.resize((width, height), wraps));
         let [xx, xy, yy] = &mut self.products;
         for y in 0..height {
             let [above, row, below] =
@@ -129,9 +133,13 @@ impl Harris {
             let (xx, xy, yy) = (xx.row_mut(y), xy.row_mut(y), yy.row_mut(y));
             // Central differences are of two pixels.
             let factor = 0.5 * derivative_sigma;
-            for x in 1..width.saturating_sub(1) {
-                let (dx, dy) = (factor * (row[x + 1] - row[x - 1]), factor * (below[x] - above[x]));
+            let mut multiply = |[left, x, right]: [usize; 3]| {
+                let (dx, dy) = (factor * (row[right] - row[left]), factor * (below[x] - above[x]));
                 (xx[x], xy[x], yy[x]) = (dx * dx, dx * dy, dy * dy);
+            };
+            (1..width.saturating_sub(1)).for_each(|x| multiply([x - 1, x, x + 1]));
+            if wraps {
+                [0, width - 1].into_iter().for_each(|x| multiply(plane.around(x)));
             }
         }
         for (product, average) in self.products.iter().zip(&mut self.averages) {
@@ -151,15 +159,16 @@ impl Harris {
     fn for_each_corner(&self, threshold: f32, mut visit: impl FnMut(&Corner)) {
         for row in 1..self.measure.height().saturating_sub(1) {
             let rows = [row - 1, row, row + 1].map(|row| self.measure.row(row));
-            for column in 1..self.measure.width().saturating_sub(1) {
+            for column in self.measure.inner_columns() {
                 let response = rows[1][column];
                 if response <= threshold {
                     continue;
                 }
-                let around = rows.iter().flat_map(|row| &row[column - 1..=column + 1]);
+                let columns = self.measure.around(column);
+                let around = rows.iter().flat_map(|row| columns.map(|column| row[column]));
                 // One is the pixel itself.
-                if around.filter(|&&other| other >= response).count() == 1 {
-                    let across = [column - 1, column, column + 1].map(|column| rows[1][column]);
+                if around.filter(|&other| other >= response).count() == 1 {
+                    let across = columns.map(|column| rows[1][column]);
                     let x = column as f32 + vertex(across);
                     let y = row as f32 + vertex(rows.map(|row| row[column]));
                     visit(&Corner { column, row, x, y, response });
@@ -172,7 +181,8 @@ impl Harris {
 /// Lxx + Lyy at a pixel inside the border.
 fn laplacian(plane: &Plane, [x, y]: [usize; 2]) -> f32 {
     let row = plane.row(y);
-    row[x - 1] + row[x + 1] + plane.row(y - 1)[x] + plane.row(y + 1)[x] - 4.0 * row[x]
+    let [left, _, right] = plane.around(x);
+    row[left] + row[right] + plane.row(y - 1)[x] + plane.row(y + 1)[x] - 4.0 * row[x]
 }
 
 /// How far from the middle one the vertex of the parabola through three values is, of which the middle one is
@@ -213,6 +223,14 @@ mod tests {
         let is_on_side =
             |found: &Keypoint| (90.0..110.0).contains(&found.x) != (90.0..110.0).contains(&found.y);
         assert!(!keypoints.iter().any(is_on_side), "{keypoints:?}");
+    }
+
+    #[test]
+    fn a_turned_panorama_has_the_same_keypoints() {
+        assert_keypoints_turn_with_a_panorama(&Detector::HarrisLaplace(HarrisLaplace {
+            target: 10_000,
+            ..HarrisLaplace::default()
+        }));
     }
 
     #[test]

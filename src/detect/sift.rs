@@ -91,6 +91,7 @@ impl Sift {
     /// the contrast.
     pub(super) fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
         let mut extrema = self.extrema(space);
+        extrema.iter_mut().for_each(|extremum| extremum.x = view.column(extremum.x));
         extrema.retain(|extremum| view.contains(extremum.x, extremum.y, REACH * extremum.scale));
         keep_strongest(&mut extrema, self.target);
         // Neighbors may have come to rest at the same place; they have the same response.
@@ -117,14 +118,25 @@ impl Sift {
         for (octave_idx, planes) in space.octaves().iter().enumerate() {
             let (width, height) = (planes[0].width(), planes[0].height());
             marks.resize(width.saturating_sub(2), 0);
+            let (last, [before_last, ..], [.., after_first]) =
+                (width - 1, planes[0].around(width - 1), planes[0].around(0));
             for (layer, layers) in (1..).zip(planes.windows(4)) {
                 for y in 1..height.saturating_sub(1) {
                     let rows = [0, 1, 2, 3].map(|layer| [y - 1, y, y + 1].map(|y| layers[layer].row(y)));
-                    simd::mark_extrema(&rows, threshold, &mut marks);
-                    for_each_marked(&marks, |x, _| {
-                        let refined = self.refine(planes, [x + 1, y, layer]);
+                    let mut visit = |x: usize| {
+                        let refined = self.refine(planes, [x, y, layer]);
                         found.extend(refined.map(|refined| refined.keypoint(self.levels(), octave_idx)));
-                    });
+                    };
+                    simd::mark_extrema(&rows, threshold, &mut marks);
+                    for_each_marked(&marks, |x, _| visit(x + 1));
+                    if planes[0].wraps() {
+                        let seam = [before_last, last, 0, after_first];
+                        let rows = rows.map(|rows| rows.map(|row| seam.map(|x| row[x])));
+                        let rows = rows.each_ref().map(|rows| rows.each_ref().map(|row| &row[..]));
+                        let mut marks = [0; 2];
+                        simd::mark_extrema(&rows, threshold, &mut marks);
+                        for_each_marked(&marks, |x, _| visit([last, 0][x]));
+                    }
                 }
             }
         }
@@ -145,12 +157,15 @@ impl Sift {
                 let [x, y, layer] = std::array::from_fn(|axis| at[axis] as f32 + offset[axis]);
                 return keep.then_some(Refined { x, y, layer, contrast });
             }
-            for ((position, offset), size) in at.iter_mut().zip(offset).zip(sizes) {
-                let moved = *position as f32 + offset.round();
-                if !(1.0..=size as f32 - 2.0).contains(&moved) {
+            for (axis, size) in sizes.into_iter().enumerate() {
+                let moved = at[axis] as f32 + offset[axis].round();
+                at[axis] = if axis == 0 && planes[0].wraps() {
+                    moved.rem_euclid(size as f32) as usize
+                } else if (1.0..=size as f32 - 2.0).contains(&moved) {
+                    moved as usize
+                } else {
                     return None;
-                }
-                *position = moved as usize;
+                };
             }
         }
         None
@@ -188,12 +203,13 @@ struct Parabola {
 
 impl Parabola {
     fn new(planes: &[Plane], [x, y, layer]: [usize; 3]) -> Self {
+        let columns = planes[0].around(x);
         // Differences by layer, row and column.
         let cube: [[[f32; 3]; 3]; 3] = std::array::from_fn(|l| {
             let [lower, upper] = [0, 1].map(|next| &planes[layer + l - 1 + next]);
             std::array::from_fn(|row| {
-                let [lower, upper] = [lower, upper].map(|plane| &plane.row(y + row - 1)[x - 1..]);
-                std::array::from_fn(|column| upper[column] - lower[column])
+                let [lower, upper] = [lower, upper].map(|plane| plane.row(y + row - 1));
+                columns.map(|column| upper[column] - lower[column])
             })
         });
         // At a whole step along each axis.
@@ -329,6 +345,11 @@ mod tests {
         assert_eq!(few.len(), 20);
         assert!(few.iter().all(|keypoint| all.contains(keypoint)));
         assert!(all.iter().filter(|keypoint| keypoint.response > weakest).all(|strong| few.contains(strong)));
+    }
+
+    #[test]
+    fn a_turned_panorama_has_the_same_keypoints() {
+        assert_keypoints_turn_with_a_panorama(&Detector::Sift(Sift { target: 10_000, ..Sift::default() }));
     }
 
     #[test]

@@ -5,7 +5,6 @@
 //! The next octave begins with every other pixel of the plane that has twice the sigma of the first.
 
 use super::Plane;
-use crate::image::Image;
 use std::ops::Range;
 
 /// The sigma that the camera itself has blurred an image by, in pixels.
@@ -57,7 +56,8 @@ impl Levels {
 pub struct Location<'a> {
     /// The plane whose sigma is nearest.
     pub plane: &'a Plane,
-    /// Column in the plane.
+    /// Column in the plane. Where that wraps it is counted from a turn before, so that what lies to the left
+    /// of the seam has a column too; see [`Location::image_column`].
     pub x: f32,
     /// Row in the plane.
     pub y: f32,
@@ -69,14 +69,20 @@ pub struct Location<'a> {
 
 impl Location<'_> {
     /// The columns and rows of the pixels nearer than `radius` pixels of the plane along either axis, without
-    /// the border of the plane.
+    /// the border of the plane. Where it wraps, columns run over three turns.
     pub fn window(&self, radius: f32) -> (Range<usize>, Range<usize>) {
         let span = |center: f32, size: usize| {
             let start = ((center.round() - radius).max(1.0) as usize).min(size);
             let end = ((center.round() + radius + 1.0).max(0.0) as usize).min(size - 1);
             start..end.max(start)
         };
-        (span(self.x, self.plane.width()), span(self.y, self.plane.height()))
+        let n_turns = if self.plane.wraps() { 3 } else { 1 };
+        (span(self.x, n_turns * self.plane.width()), span(self.y, self.plane.height()))
+    }
+
+    /// Where a column of the window lies in the image.
+    pub fn image_column(&self, column: usize) -> f32 {
+        (column as f32 - first_turn(self.plane)) * self.pixel
     }
 }
 
@@ -89,16 +95,15 @@ pub struct ScaleSpace {
 }
 
 impl ScaleSpace {
-    /// Replaces it by that of `image`: the levels that points of a sigma of at most `coarsest` pixels are at,
-    /// down to octaves of a few pixels.
-    pub fn build(&mut self, image: &Image, levels: Levels, coarsest: f32) {
+    /// Replaces it by that of an image: the levels that points of a sigma of at most `coarsest` pixels are at,
+    /// down to octaves of a few pixels. Its planes wrap where the image does.
+    pub fn build(&mut self, image: &Plane, levels: Levels, coarsest: f32) {
         self.levels = levels;
-        let plane = Plane::from(image);
         let (base, blurred) = if levels.doubled {
-            plane.double_into(&mut self.doubled);
+            image.double_into(&mut self.doubled);
             (&self.doubled, 2.0 * CAMERA_SIGMA)
         } else {
-            (&plane, CAMERA_SIGMA)
+            (image, CAMERA_SIGMA)
         };
         // What the cast cannot hold is the largest number: all levels.
         let last_level = levels.nearest(coarsest).max(0.0) as usize;
@@ -143,8 +148,13 @@ impl ScaleSpace {
         let octave = &self.octaves[octave_idx];
         let plane = &octave[(level - octave_idx * n_layers).min(octave.len() - 1)];
         let pixel = self.levels.pixel(octave_idx);
-        Location { plane, x: x / pixel, y: y / pixel, scale: scale / pixel, pixel }
+        Location { plane, x: x / pixel + first_turn(plane), y: y / pixel, scale: scale / pixel, pixel }
     }
+}
+
+/// How many columns come before the plane's own: a turn where it wraps, else none.
+fn first_turn(plane: &Plane) -> f32 {
+    if plane.wraps { plane.width as f32 } else { 0.0 }
 }
 
 /// The blur that turns a sigma into another; hardly any when it is larger already.
@@ -155,12 +165,13 @@ fn missing_sigma(from: f32, to: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Image;
 
     const LEVELS: Levels = Levels { sigma: 1.6, n_layers: 3, doubled: true };
 
     fn build(image: &Image, levels: Levels, coarsest: f32) -> ScaleSpace {
         let mut space = ScaleSpace::default();
-        space.build(image, levels, coarsest);
+        space.build(&Plane::new(image, false), levels, coarsest);
         space
     }
 
@@ -206,7 +217,7 @@ mod tests {
         let whole = build(&image, LEVELS, f32::INFINITY);
         let mut space = build(&noise(150, 200), Levels { n_layers: 4, ..LEVELS }, f32::INFINITY);
         for scale in [0.5, 1.0, 1.6, 2.0, 3.3] {
-            space.build(&image, LEVELS, scale);
+            space.build(&Plane::new(&image, false), LEVELS, scale);
             let (found, expected) = (space.locate((5.0, 6.0), scale), whole.locate((5.0, 6.0), scale));
             assert_eq!(found.plane, expected.plane, "{scale}");
         }
