@@ -7,10 +7,14 @@ use crate::detect::{Detector, Keypoint};
 use crate::image::Image;
 use crate::matrix::Matrix;
 use crate::plane::ScaleSpace;
+use std::sync::Arc;
 
-/// Finds and describes keypoints as a model was configured to.
+/// Finds and describes keypoints as a model was configured to. A clone is the same extractor.
 #[derive(Clone, Debug)]
-pub struct Extractor {
+pub struct Extractor(Arc<Parameters>);
+
+#[derive(Debug)]
+struct Parameters {
     longest_side: usize,
     detector: Detector,
     descriptor: Descriptor,
@@ -31,9 +35,12 @@ pub struct Features {
     pub scale: f32,
 }
 
-/// Working memory of one thread, reused from frame to frame.
+/// Working memory of one thread, reused from frame to frame. It remembers what depends on an [`Extractor`];
+/// for another one it begins anew.
 #[derive(Debug, Default)]
 pub struct Scratch {
+    /// Whose the rest is.
+    owner: Option<Arc<Parameters>>,
     /// The valid region for the last frame's size.
     view: Option<View>,
     /// Of the last frame, if keypoints were looked for in one.
@@ -45,22 +52,33 @@ pub struct Scratch {
 impl Extractor {
     /// What `config` says, for frames of `camera`.
     pub fn new(config: &Config, camera: Camera) -> Self {
-        Self {
+        Self(Arc::new(Parameters {
             longest_side: config.longest_side,
             detector: config.detector.clone(),
             descriptor: config.descriptor.clone(),
             cue: config.cue.clone(),
             camera,
-        }
+        }))
     }
 
     /// The camera whose frames it takes.
     pub fn camera(&self) -> &Camera {
-        &self.camera
+        &self.0.camera
     }
 
-    /// The keypoints of a frame and their descriptors. `scratch` is for frames of this extractor only.
+    /// The keypoints of a frame and their descriptors. A `scratch` that served another extractor is emptied
+    /// before, which costs time, not truth.
     pub fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
+        if !scratch.owner.as_ref().is_some_and(|owner| Arc::ptr_eq(owner, &self.0)) {
+            *scratch = Scratch { owner: Some(Arc::clone(&self.0)), ..Scratch::default() };
+        }
+        self.0.extract(image, scratch)
+    }
+}
+
+impl Parameters {
+    /// `scratch` is ours.
+    fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
         let shrunk = image.shrink_to(self.longest_side);
         let scaled = shrunk.as_ref().unwrap_or(image);
         let size = (scaled.width(), scaled.height());
