@@ -45,7 +45,8 @@ use machines::Machines;
 pub struct Recognition {
     /// Index into [`Model::places`] of the most probable room, the first of equal ones.
     pub place_idx: usize,
-    /// Whether held-out frames answered at least as confidently were mostly right; never without a keypoint.
+    /// Whether held-out frames answered at least as confidently were mostly right; never where nothing was
+    /// seen: no keypoint, and no cue to be asked.
     pub known: bool,
     /// One probability a room, in the order of [`Model::places`]; they sum to 1.
     pub probabilities: Vec<f32>,
@@ -91,8 +92,8 @@ pub struct Model {
 struct Classification {
     /// One for each sight of the configuration; that of the keypoints is always there, and the first.
     opinions: Vec<Opinion>,
-    /// Answers of at least this probability are known.
-    known_probability: f32,
+    /// Answers of at least this probability are known; none are where there is none.
+    known_probability: Option<f32>,
 }
 
 impl Model {
@@ -146,12 +147,13 @@ impl Model {
         &self.classification.opinions[0].machines
     }
 
-    /// From which probability on an answer is known.
-    pub fn known_probability(&self) -> f32 {
+    /// From which probability on an answer is known; `None` when none ever is, since held-out answers were
+    /// wrong too often at any.
+    pub fn known_probability(&self) -> Option<f32> {
         self.classification.known_probability
     }
 
-    /// Which room a frame shows. `scratch` is for frames of this model only.
+    /// Which room a frame shows.
     pub fn recognize(&self, image: &Image, scratch: &mut Scratch) -> Recognition {
         self.classify(&self.features(image, scratch))
     }
@@ -191,17 +193,22 @@ impl Model {
 impl Classification {
     fn classify(&self, features: &Features) -> Recognition {
         let n_keypoints = features.keypoints.len();
-        if n_keypoints == 0 {
+        let probabilities = pooled(self.opinions.iter().filter_map(|opinion| opinion.of(features)));
+        if probabilities.is_empty() {
             // Nothing was seen: no room is more probable than another.
             let n_places = self.opinions[0].machines.n_classes();
             let probabilities = vec![1.0 / n_places as f32; n_places];
             return Recognition { place_idx: 0, known: false, probabilities, n_keypoints };
         }
-        let probabilities = pooled(self.opinions.iter().map(|opinion| opinion.of(features)));
         let place_idx = most_probable(&probabilities);
-        let known = probabilities[place_idx] >= self.known_probability;
+        let known = is_known(probabilities[place_idx], self.known_probability);
         Recognition { place_idx, known, probabilities, n_keypoints }
     }
+}
+
+/// Whether an answer of this probability is known, where those of at least `known_probability` are.
+fn is_known(probability: f32, known_probability: Option<f32>) -> bool {
+    known_probability.is_some_and(|least| probability >= least)
 }
 
 /// How much one keypoint of each word adds to the decision value of a room, in a frame of these words.

@@ -68,7 +68,8 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     add("rooms", model.places().join(", "));
     add("camera", camera_text(&model.camera().projection));
     output::card_rows(card).into_iter().for_each(|(name, value)| add(name, value));
-    add("known from probability", format!("{:.2}", model.known_probability()));
+    let known_probability = model.known_probability().map(|least| format!("{least:.2}"));
+    add("known from probability", known_probability.unwrap_or_else(|| "never".to_owned()));
     add("support vectors", format!("{:?}", model.n_support_vectors()));
     add("digest", digest.clone());
     say!("{table}\n\n{}", toml::to_string(model.config())?)?;

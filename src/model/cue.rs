@@ -99,18 +99,19 @@ pub(super) struct Opinion {
 }
 
 impl Opinion {
-    /// One probability a room, and how much they count.
-    pub(super) fn of(&self, features: &Features) -> (f64, Vec<f32>) {
-        (self.weight, self.calibration.probabilities(&self.machines.decision_values(features)))
+    /// One probability a room, and how much they count; `None` of a frame that shows the machines nothing.
+    pub(super) fn of(&self, features: &Features) -> Option<(f64, Vec<f32>)> {
+        let values = self.machines.decision_values(features)?;
+        Some((self.weight, self.calibration.probabilities(&values)))
     }
 }
 
-/// One probability a room from those of each sight: their product, each to the power of its weight, over the
+/// One probability a room from those of each sight that sees something, none without any: their product, each to the power of its weight, over the
 /// sum of the rooms (the logarithmic opinion pool; Genest and Zidek, "Combining Probability Distributions: A
 /// Critique and an Annotated Bibliography", Statistical Science 1986). So who is sure counts more than who is
 /// not, as in Pronobis and Caputo, "Confidence-based Cue Integration for Visual Place Recognition", IROS 2007.
 pub(super) fn pooled(opinions: impl Iterator<Item = (f64, Vec<f32>)>) -> Vec<f32> {
-    let mut opinions = opinions.peekable();
+    let mut opinions = opinions.filter(|(weight, _)| *weight > 0.0).peekable();
     let Some((weight, first)) = opinions.next() else { return Vec::new() };
     if opinions.peek().is_none() {
         return first;
@@ -148,7 +149,8 @@ mod tests {
         let product = [0.4_f64 * 0.05, 0.3 * 0.9, 0.3 * 0.05].map(f64::sqrt);
         assert!((f64::from(answer[1]) - product[1] / product.iter().sum::<f64>()).abs() < 1e-6);
         let unheard = pool([0.6, 0.3, 0.1], [0.0, 0.0, 1.0], 0.0);
-        assert!((unheard[0] - 0.6).abs() < 1e-6, "{unheard:?}");
+        assert_eq!(unheard, [0.6, 0.3, 0.1]);
+        assert!(pooled([(0.0, vec![0.6, 0.4])].into_iter()).is_empty());
         assert!(pool([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 0.5).iter().all(|p| p.is_finite()));
     }
 }

@@ -71,6 +71,9 @@ struct Metadata {
     card: Card,
 }
 
+/// Stands in a file for a known probability that no answer reaches.
+const NEVER_KNOWN: f32 = 2.0;
+
 /// Read first, so that other versions are told apart from damage.
 #[derive(Deserialize)]
 struct Version {
@@ -85,7 +88,7 @@ impl Model {
             format_version: FORMAT_VERSION,
             places: self.places.clone(),
             camera: self.camera().projection,
-            known_probability: self.known_probability(),
+            known_probability: self.known_probability().unwrap_or(NEVER_KNOWN),
             config: self.config.clone(),
             card: self.card.clone(),
         };
@@ -164,7 +167,10 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
         places,
         transitions,
         extractor: Extractor::new(&config, camera),
-        classification: Classification { opinions, known_probability },
+        classification: Classification {
+            opinions,
+            known_probability: (known_probability <= 1.0).then_some(known_probability),
+        },
         held_out,
         config,
         card,

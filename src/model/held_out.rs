@@ -30,6 +30,10 @@ impl HeldOutDecisions {
         self.labels.push(label);
     }
 
+    pub(super) fn is_empty(&self) -> bool {
+        self.labels.is_empty()
+    }
+
     /// The decision values and the room of each frame.
     fn frames(&self) -> impl Iterator<Item = (&[f32], usize)> {
         self.values.rows().zip(self.labels.iter().copied())
@@ -42,7 +46,7 @@ impl HeldOutDecisions {
         n_places: usize,
         sigmoids: Sigmoids,
     ) -> Result<Calibration, TrainError> {
-        if self.labels.is_empty() {
+        if self.is_empty() {
             return Err(TrainError::NothingHeldOut);
         }
         let fit = match sigmoids {
@@ -52,8 +56,12 @@ impl HeldOutDecisions {
         Ok(fit(scheme, &self.values, &self.labels, n_places)?)
     }
 
-    /// The lowest probability from which on answers were right often enough.
-    pub(super) fn known_probability(&self, calibration: &Calibration, config: &CalibrationConfig) -> f32 {
+    /// The lowest probability from which on answers were right often enough, if there is one.
+    pub(super) fn known_probability(
+        &self,
+        calibration: &Calibration,
+        config: &CalibrationConfig,
+    ) -> Option<f32> {
         let answer = |(values, label)| {
             let probabilities = calibration.probabilities(values);
             let place_idx = most_probable(&probabilities);
@@ -111,16 +119,17 @@ impl HeldOutDecisions {
     }
 }
 
-/// The lowest probability from which on answers were right often enough; 1 when there is none. Answers are
-/// given by their probability and whether they were right.
-pub(super) fn known_probability(mut answers: Vec<(f32, bool)>, config: &CalibrationConfig) -> f32 {
+/// The lowest probability from which on answers were right often enough, if there is one. Answers are given by
+/// their probability and whether they were right; those of equal probability count together.
+pub(super) fn known_probability(mut answers: Vec<(f32, bool)>, config: &CalibrationConfig) -> Option<f32> {
     answers.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let mut n_correct = 0;
-    let mut lowest = 1.0;
-    for (rank, &(probability, correct)) in answers.iter().enumerate() {
-        n_correct += usize::from(correct);
-        if n_correct as f32 >= config.known_precision * (rank + 1) as f32 {
-            lowest = probability;
+    let (mut n_answers, mut n_correct) = (0, 0);
+    let mut lowest = None;
+    for equal in answers.chunk_by(|a, b| a.0 == b.0) {
+        n_answers += equal.len();
+        n_correct += equal.iter().filter(|(_, correct)| *correct).count();
+        if n_correct as f32 >= config.known_precision * n_answers as f32 {
+            lowest = Some(equal[0].0);
         }
     }
     lowest
@@ -151,6 +160,19 @@ pub(super) fn spread_out(scheme: Scheme, present: &[usize], n_classes: usize, va
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn equally_probable_answers_are_known_together_or_not_at_all() {
+        let least = |known_precision, answers: &[(f32, bool)]| {
+            let config = CalibrationConfig { known_precision, ..CalibrationConfig::default() };
+            known_probability(answers.to_vec(), &config)
+        };
+        assert_eq!(least(0.9, &[(0.9, true), (0.9, false), (0.9, false)]), None);
+        assert_eq!(least(0.9, &[(0.5, false), (0.9, true), (0.8, true), (0.8, true)]), Some(0.8));
+        assert_eq!(least(0.6, &[(0.8, true), (0.7, true), (0.7, false), (0.7, false)]), Some(0.8));
+        assert_eq!(least(0.9, &[(1.0, false)]), None);
+        assert_eq!(least(0.9, &[]), None);
+    }
 
     #[test]
     fn thinning_keeps_frames_of_the_whole_time() {

@@ -103,16 +103,20 @@ impl Machines {
         }
     }
 
-    /// One decision value a machine.
-    pub(super) fn decision_values(&self, features: &Features) -> Vec<f32> {
+    /// One decision value a machine; `None` of a frame that shows them nothing, as one without keypoints
+    /// shows nothing to those that see keypoints.
+    pub(super) fn decision_values(&self, features: &Features) -> Option<Vec<f32>> {
         let descriptors = &features.descriptors;
-        match self {
+        if descriptors.n_rows() == 0 && !matches!(self, Self::Frame(_)) {
+            return None;
+        }
+        Some(match self {
             Self::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.bag_of(descriptors)),
             Self::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.bag_of(descriptors)),
             Self::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.bag_of(descriptors)),
             Self::Match(svm) => svm.decision_values(descriptors),
             Self::Frame(svm) => svm.decision_values(&features.frame),
-        }
+        })
     }
 
     pub(super) fn n_classes(&self) -> usize {

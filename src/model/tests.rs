@@ -1,5 +1,6 @@
 use super::*;
 use crate::camera::{CameraKind, Mask, Mirror, Projection};
+use crate::svm::Calibration;
 use crate::vocabulary;
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
@@ -146,6 +147,68 @@ fn a_frame_without_keypoints_is_answered_without_knowledge() {
     let answer = trained(&config()).model.recognize(&black, &mut Scratch::default());
     assert_eq!((answer.n_keypoints, answer.known), (0, false));
     assert_eq!(answer.probabilities, [1.0 / 3.0; 3]);
+}
+
+#[test]
+fn a_cue_answers_frames_without_keypoints() {
+    // Too faint for corners; told apart by the cue.
+    let smooth = |place_idx: usize, random: &mut ChaCha8Rng| {
+        let base = random.random_range(90..110);
+        let shift = random.random_range(0..8);
+        let pixels = (0..96 * 72).map(|idx| {
+            let (x, y) = (idx % 96, idx / 96);
+            base + 6 * (([x, y, x + y][place_idx] + shift) / 4 % 2) as u8
+        });
+        Image::from_pixels(96, 72, pixels.collect()).unwrap()
+    };
+    let config = Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..config() };
+    let extractor = Extractor::new(&config, Camera::new(Projection::Perspective));
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let mut all = samples(&config, 48, 1);
+    for idx in 0..48 {
+        let features = extractor.extract(&smooth(idx % 3, &mut random), &mut Scratch::default());
+        assert!(features.keypoints.is_empty());
+        all.push(Sample { features, ..all[idx].clone() });
+    }
+    let Training { model, held_out } = train(&all, &config, Camera::new(Projection::Perspective)).unwrap();
+    assert_eq!(held_out.len(), all.len(), "all frames are held out once");
+    for (place_idx, place) in ["stripes", "bars", "dots"].iter().enumerate() {
+        let answer = model.recognize(&smooth(place_idx, &mut random), &mut Scratch::default());
+        assert_eq!((answer.n_keypoints, &model.places()[answer.place_idx]), (0, &(*place).to_owned()));
+        assert!(answer.probability() > 0.5, "{answer:?}");
+    }
+}
+
+#[test]
+fn a_scratch_of_another_model_changes_nothing() {
+    let half = Mask::new(Image::from_pixels(2, 1, vec![255, 0]).unwrap());
+    let masked = Camera { projection: Projection::Perspective, mask: Some(half) };
+    let config = Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..config() };
+    let [whole, half] =
+        [Camera::new(Projection::Perspective), masked].map(|camera| Extractor::new(&config, camera));
+    let frame = frame(0, &mut ChaCha8Rng::seed_from_u64(1));
+    let mut scratch = Scratch::default();
+    whole.extract(&frame, &mut scratch);
+    let (shared, own) = (half.extract(&frame, &mut scratch), half.extract(&frame, &mut Scratch::default()));
+    assert!(shared.keypoints == own.keypoints && shared.frame == own.frame);
+}
+
+#[test]
+fn without_a_probability_that_is_right_often_enough_nothing_is_known() {
+    let mut training = trained(&config());
+    assert!(training.held_out.iter().any(|answer| answer.recognition.known));
+    let features = &samples(&config(), 1, 9)[0].features;
+    training.model.classification.known_probability = Some(1.0);
+    training.model.classification.opinions[0].calibration =
+        Calibration::from_parts(Scheme::OneVsAll, 3, vec![1e6; 3], vec![0.0; 3]).unwrap();
+    let sure = training.model.classify(features);
+    assert_eq!((sure.probability(), sure.known), (1.0, true));
+    training.model.classification.known_probability = None;
+    let back = Model::from_bytes(&training.model.to_bytes().unwrap()).unwrap();
+    for model in [training.model, back] {
+        assert_eq!(model.known_probability(), None);
+        assert!(!model.classify(features).known);
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::cue::{Opinion, Sight, pooled};
 use super::held_out::{self, HeldOutDecisions, spread_out};
 use super::machines::{Machines, TrainingSet};
-use super::{Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition};
+use super::{Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition, is_known};
 use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::filter::Transitions;
@@ -111,8 +111,7 @@ impl Model {
         progress(TrainingStep { n_done: n_folds, n_steps });
 
         let machines = trainer.fit(&(0..samples.len()).collect::<Vec<_>>())?.machines;
-        let decisions: Vec<&Decision> = decisions.iter().collect();
-        let calibrations = trainer.calibrate(&decisions)?;
+        let calibrations = trainer.calibrate(&decisions, |_| true)?;
         let weights = config.sights().map(|sight| config.weight(sight));
         let opinions = machines.into_iter().zip(calibrations).zip(weights);
         let opinions = opinions
@@ -121,7 +120,7 @@ impl Model {
         let known_probability = trainer.known_probability(&held_out);
         let classification = Classification { opinions, known_probability };
         let held_out = held_out.into_iter().map(|mut answer| {
-            answer.recognition.known = answer.recognition.probability() >= known_probability;
+            answer.recognition.known = is_known(answer.recognition.probability(), known_probability);
             answer
         });
         let held_out: Vec<HeldOut> = held_out.collect();
@@ -132,7 +131,7 @@ impl Model {
             extractor: Extractor::new(config, camera),
             classification,
             held_out: matches!(config.classifier, Classifier::KernelSvm(_))
-                .then(|| trainer.gathered((0, Sight::Keypoints), &decisions).thinned()),
+                .then(|| trainer.gathered((0, Sight::Keypoints), decisions.iter()).thinned()),
             card: Card::default(),
         };
         progress(TrainingStep { n_done: n_steps, n_steps });
@@ -149,10 +148,11 @@ struct Trainer<'a> {
     set: TrainingSet<'a>,
 }
 
-/// The decision values for a sample by machines trained without its fold: a list for each sight.
+/// The decision values for a sample by machines trained without its fold: a list for each sight, of which at
+/// least one saw something.
 struct Decision {
     sample_idx: usize,
-    values: Vec<Vec<f32>>,
+    values: Vec<Option<Vec<f32>>>,
 }
 
 impl Trainer<'_> {
@@ -175,16 +175,14 @@ impl Trainer<'_> {
         Ok(Fitted { machines, present })
     }
 
-    /// Samples of rooms that occur in no other fold cannot be answered, and samples without a keypoint say
-    /// nothing of the machines: both are left out.
+    /// Samples of rooms that occur in no other fold cannot be answered, and samples in which no sight sees
+    /// anything say nothing of the machines: both are left out.
     fn decide_held_out(&self, folds: &[usize], fold: usize) -> Result<Vec<Decision>, TrainError> {
         let (held_out, training): (Vec<usize>, Vec<usize>) =
             (0..folds.len()).partition(|&sample_idx| folds[sample_idx] == fold);
         let known: BTreeSet<usize> = training.iter().map(|&idx| self.labels[idx]).collect();
-        let answerable = |idx: &&usize| {
-            known.contains(&self.labels[**idx]) && !self.samples[**idx].features.keypoints.is_empty()
-        };
-        let held_out: Vec<usize> = held_out.iter().filter(answerable).copied().collect();
+        let held_out: Vec<usize> =
+            held_out.into_iter().filter(|&idx| known.contains(&self.labels[idx])).collect();
         if held_out.is_empty() || known.len() < 2 {
             return Ok(Vec::new());
         }
@@ -192,30 +190,42 @@ impl Trainer<'_> {
         let decide = |&sample_idx: &usize| {
             let features = &self.samples[sample_idx].features;
             let by = |(machines, sight): (&Machines, Sight)| {
-                let values = machines.decision_values(features);
-                spread_out(self.config.scheme(sight), &fitted.present, self.n_places, &values)
+                let values = machines.decision_values(features)?;
+                Some(spread_out(self.config.scheme(sight), &fitted.present, self.n_places, &values))
             };
-            Decision {
-                sample_idx,
-                values: fitted.machines.iter().zip(self.config.sights()).map(by).collect(),
-            }
+            let values: Vec<_> = fitted.machines.iter().zip(self.config.sights()).map(by).collect();
+            values.iter().any(Option::is_some).then_some(Decision { sample_idx, values })
         };
-        Ok(held_out.par_iter().map(decide).collect())
+        Ok(held_out.par_iter().filter_map(decide).collect())
     }
 
-    /// The decisions of one sight.
-    fn gathered(&self, (sight_idx, sight): (usize, Sight), decisions: &[&Decision]) -> HeldOutDecisions {
+    /// The decisions of one sight, where it saw something.
+    fn gathered<'a>(
+        &self,
+        (sight_idx, sight): (usize, Sight),
+        decisions: impl Iterator<Item = &'a Decision>,
+    ) -> HeldOutDecisions {
         let mut gathered = HeldOutDecisions::new(self.config.scheme(sight).n_machines(self.n_places));
         for decision in decisions {
-            gathered.push(&decision.values[sight_idx], self.labels[decision.sample_idx]);
+            if let Some(values) = &decision.values[sight_idx] {
+                gathered.push(values, self.labels[decision.sample_idx]);
+            }
         }
         gathered
     }
 
-    /// One calibration a sight.
-    fn calibrate(&self, decisions: &[&Decision]) -> Result<Vec<Calibration>, TrainError> {
+    /// One calibration a sight, on the decisions that are wanted; on all where it saw something in none of those.
+    fn calibrate(
+        &self,
+        decisions: &[Decision],
+        is_wanted: impl Fn(&Decision) -> bool,
+    ) -> Result<Vec<Calibration>, TrainError> {
         let calibrate = |(sight_idx, sight)| {
-            let gathered = self.gathered((sight_idx, sight), decisions);
+            let wanted = decisions.iter().filter(|decision| is_wanted(decision));
+            let mut gathered = self.gathered((sight_idx, sight), wanted);
+            if gathered.is_empty() {
+                gathered = self.gathered((sight_idx, sight), decisions.iter());
+            }
             gathered.calibration(self.config.scheme(sight), self.n_places, self.config.calibration.sigmoids)
         };
         self.config.sights().enumerate().map(calibrate).collect()
@@ -231,12 +241,11 @@ impl Trainer<'_> {
         let answered: BTreeSet<usize> = decisions.iter().map(fold_of).collect();
         let mut held_out = Vec::with_capacity(decisions.len());
         for &fold in &answered {
-            let others = |decision: &&Decision| fold_of(decision) != fold || answered.len() == 1;
-            let calibrations = self.calibrate(&decisions.iter().filter(others).collect::<Vec<_>>())?;
+            let calibrations = self.calibrate(decisions, |decision| fold_of(decision) != fold)?;
             for decision in decisions.iter().filter(|decision| fold_of(decision) == fold) {
                 let of_sights = self.config.sights().zip(calibrations.iter().zip(&decision.values));
-                let probabilities = pooled(of_sights.map(|(sight, (calibration, values))| {
-                    (self.config.weight(sight), calibration.probabilities(values))
+                let probabilities = pooled(of_sights.filter_map(|(sight, (calibration, values))| {
+                    Some((self.config.weight(sight), calibration.probabilities(values.as_ref()?)))
                 }));
                 let place_idx = svm::most_probable(&probabilities);
                 let n_keypoints = self.samples[decision.sample_idx].features.keypoints.len();
@@ -248,7 +257,7 @@ impl Trainer<'_> {
         Ok(held_out)
     }
 
-    fn known_probability(&self, held_out: &[HeldOut]) -> f32 {
+    fn known_probability(&self, held_out: &[HeldOut]) -> Option<f32> {
         let is_right = |answer: &HeldOut| {
             let is_right = answer.recognition.place_idx == self.labels[answer.sample_idx];
             (answer.recognition.probability(), is_right)
