@@ -3,8 +3,10 @@
 //! A hidden Markov model (Rabiner, "A tutorial on hidden Markov models and selected applications in speech
 //! recognition", 1989, section III.A) whose states are the rooms and whose observations are the frames.
 //! Between frames the belief spreads as [`Transitions`] say; a frame then multiplies it by the
-//! probabilities of its rooms. These are posteriors, not likelihoods: divided by the prior of the rooms,
-//! which is uniform, they are proportional to them.
+//! probabilities of its rooms. These are posteriors, not likelihoods; they are proportional to them where the
+//! prior behind them is uniform. A shared sigmoid treats all rooms alike, so that this nearly holds. Where each
+//! machine has a sigmoid of its own, it takes over how often its room was held out: after unbalanced training
+//! frames the filter believes a little too much in the rooms that had many.
 //!
 //! One departure: a frame's probabilities are raised to a power, its [`Trust`]. Neighboring frames are
 //! nearly the same picture and are wrong together, which asks for less than 1; calibrated probabilities are
@@ -45,7 +47,7 @@ impl RoomFilter {
     }
 
     /// Takes in a frame, `elapsed` seconds after the one before (0 for the first), whose rooms have these
-    /// `probabilities`, and returns the new belief. Equal probabilities, as of a frame without keypoints,
+    /// `probabilities`, and returns the new belief. Equal probabilities, as of a frame in which nothing was seen,
     /// say nothing: only time passes. An `elapsed` that is negative or no number counts as 0.
     ///
     /// Panics when the filter, the transitions and the frame are not of the same number of rooms.
