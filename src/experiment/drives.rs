@@ -22,7 +22,7 @@ pub struct Drive {
     pub near_border: Vec<Option<bool>>,
     /// The camera that took it.
     pub camera: Camera,
-    /// The digest of all its frames, labels and poses.
+    /// The digest of all its frames, labels and poses, and of the camera.
     pub digest: String,
 }
 
@@ -60,7 +60,7 @@ impl Drives {
                 None => camera_of(&dataset).ok_or_else(|| ExperimentError::NoMirror(sequence.to_owned()))?,
             };
             cameras.insert(name.lab.clone(), camera.clone());
-            let digest = digest(&dataset);
+            let digest = digest(&dataset, &camera);
             drives.push(Drive { name, sequence: sequence.to_owned(), dataset, near_border, camera, digest });
         }
         if drives.is_empty() {
@@ -146,8 +146,9 @@ fn camera_of(dataset: &Dataset) -> Option<Camera> {
 }
 
 /// Frames that cannot be read have no share in it; describing them reports them.
-fn digest(dataset: &Dataset) -> String {
+fn digest(dataset: &Dataset, camera: &Camera) -> String {
     let mut hasher = blake3::Hasher::new();
+    hasher.update(digest_of_camera(camera).as_bytes());
     for frame in &dataset.frames {
         let bytes = fs::read(&frame.path).unwrap_or_default();
         hasher.update(blake3::hash(&bytes).as_bytes());
@@ -158,9 +159,32 @@ fn digest(dataset: &Dataset) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
+fn digest_of_camera(camera: &Camera) -> blake3::Hash {
+    // Plain numbers always have a JSON form.
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&serde_json::to_vec(&camera.projection).unwrap_or_default());
+    if let Some(picture) = camera.mask.as_ref().map(Mask::picture) {
+        hasher.update(&picture.width().to_le_bytes());
+        hasher.update(picture.pixels());
+    }
+    hasher.finalize()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Mirror;
+
+    #[test]
+    fn cameras_that_see_otherwise_have_other_digests() {
+        let mirror = Mirror { center_x: 0.5, center_y: 0.4, inner_radius: 0.1, outer_radius: 0.45 };
+        let moved = Mirror { center_x: 0.501, ..mirror };
+        let mask = Image::from_pixels(2, 1, vec![0, 255]).map(Mask::new);
+        let camera = |mirror| Camera::new(Projection::Omnidirectional(mirror));
+        let cameras = [camera(mirror), camera(moved), Camera { mask, ..camera(mirror) }];
+        let digests = cameras.map(|camera| digest_of_camera(&camera));
+        assert!(digests[0] != digests[1] && digests[0] != digests[2] && digests[1] != digests[2]);
+    }
 
     #[test]
     fn as_many_sixteenths_of_the_columns_are_hidden_as_asked() {

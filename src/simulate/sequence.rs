@@ -43,7 +43,7 @@ pub struct SequenceSummary {
     pub n_frames: usize,
     /// How many frames of each place, by label.
     pub n_frames_by_place: BTreeMap<String, usize>,
-    /// Whether it was there already, made by the same version from the same specification.
+    /// Whether it was there already, made by the same code from the same specification.
     pub was_kept: bool,
 }
 
@@ -169,12 +169,12 @@ impl Records {
 fn record(spec: &SequenceSpec, cameras: &[CameraKind]) -> String {
     let cameras: Vec<&str> = cameras.iter().map(|camera| camera.folder()).collect();
     format!(
-        "{} seed {} frames_per_second {} cameras {} version {}",
+        "{} seed {} frames_per_second {} cameras {} sources {}",
         spec.folder().display(),
         spec.seed,
         spec.frames_per_second,
         cameras.join(","),
-        env!("CARGO_PKG_VERSION"),
+        env!("ROOMSIGHT_SIMULATION_SOURCES"),
     )
 }
 

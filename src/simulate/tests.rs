@@ -196,11 +196,16 @@ fn a_sequence_is_kept_when_it_is_the_same_and_replaced_when_it_is_not() {
         |spec: &SequenceSpec| small(spec).write(&[CameraKind::Perspective], root.path(), &|_| ()).unwrap();
     let first = write(&sparse);
     assert!(!first.was_kept && write(&sparse).was_kept);
+    let marker = root.path().join("SIMULATED.txt");
+    let of_other_code =
+        fs::read_to_string(&marker).unwrap().replace(env!("ROOMSIGHT_SIMULATION_SOURCES"), "0");
+    fs::write(&marker, of_other_code).unwrap();
+    assert!(!write(&sparse).was_kept && write(&sparse).was_kept);
     let other = write(&SequenceSpec { frames_per_second: 0.04, ..sparse });
     assert!(!other.was_kept && other.n_frames < first.n_frames);
     let n_files = fs::read_dir(other.folder.join("std_cam")).unwrap().count();
     assert_eq!(n_files, other.n_frames, "nothing of the first is left");
-    let marker = fs::read_to_string(root.path().join("SIMULATED.txt")).unwrap();
+    let marker = fs::read_to_string(marker).unwrap();
     assert_eq!(marker.matches("seq3_night2").count(), 1, "{marker}");
 }
 
