@@ -5,6 +5,12 @@ ARGS ?=
 # What users may leave out is tested too.
 FEATURES := --all-features
 
+# What is fuzzed, and for how long each.
+TARGETS ?= archive lists model oip pictures settings stream
+MINUTES ?= 1
+# Temporary files in memory where the system has such a place.
+FUZZ_TMP := $(firstword $(wildcard /dev/shm) /tmp)
+
 PYTHON ?= python3
 # An S3 server, which the tests of models in buckets start.
 MOTO := 'moto[s3]' flask flask-cors
@@ -12,7 +18,7 @@ MOTO := 'moto[s3]' flask flask-cors
 VENV := target/python
 STAMP := $(VENV)/.installed
 
-.PHONY: help demo test bench tools test-python
+.PHONY: help demo test bench fuzz tools test-python
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
@@ -42,6 +48,16 @@ $(STAMP): clients/python/pyproject.toml Makefile
 
 bench: tools ## milliseconds a frame, step by step
 	cargo bench $(ARGS)
+
+# The stable compiler instruments too where it is told to take the flags of the unstable one.
+fuzz: tools ## feed damaged input to all readers, MINUTES=1 each; TARGETS="pictures model" for some
+	@cargo fuzz --version >/dev/null 2>&1 || { echo "cargo-fuzz is missing: install it with \`cargo install --locked cargo-fuzz\`." >&2; exit 1; }
+	FUZZ_SEEDS=fuzz/corpus cargo test $(FEATURES) --test fuzzing
+	@set -e; for target in $(TARGETS); do \
+	  echo "$$target:"; \
+	  RUSTC_BOOTSTRAP=1 TMPDIR=$(FUZZ_TMP) cargo fuzz run $$target -- \
+	    -max_total_time=$$(( 60 * $(MINUTES) )) -rss_limit_mb=2048 -timeout=20 -print_final_stats=1 $(ARGS); \
+	done
 
 tools:
 	@command -v cargo >/dev/null || { echo "cargo is not on the PATH: install Rust 1.90 or newer, see https://rustup.rs." >&2; exit 1; }

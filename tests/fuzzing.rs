@@ -1,0 +1,209 @@
+//! The fuzz targets on seeds, and on inputs that once broke something (`fuzz/regressions/TARGET/`).
+//!
+//! With `FUZZ_SEEDS=FOLDER` the seeds are written to `FOLDER/TARGET/` too: `make fuzz` begins with them.
+
+#![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
+
+#[path = "../fuzz/src/lib.rs"]
+mod targets;
+
+use image::{DynamicImage, ImageFormat, Luma, Rgb};
+use rand::{Rng, SeedableRng};
+use roomsight::camera::{Camera, Projection};
+use roomsight::image::Image;
+use roomsight::model::{
+    Classifier, Config, Cue, Extractor, FrameLbpCue, GoldenFrame, Model, Representation, Sample, Scratch,
+};
+use roomsight::repository::package;
+use roomsight::{boost, svm, vocabulary};
+use std::fs;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+struct Target {
+    name: &'static str,
+    run: fn(&[u8]),
+    seeds: Vec<Vec<u8>>,
+}
+
+fn all_targets() -> [Target; 7] {
+    [
+        Target { name: "archive", run: targets::archive, seeds: archives() },
+        Target { name: "lists", run: targets::lists, seeds: lists() },
+        Target { name: "model", run: targets::model, seeds: models() },
+        Target { name: "oip", run: targets::oip, seeds: oip() },
+        Target { name: "pictures", run: targets::pictures, seeds: pictures() },
+        Target { name: "settings", run: targets::settings, seeds: settings() },
+        Target { name: "stream", run: targets::stream, seeds: stream() },
+    ]
+}
+
+fn golden(folder: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    let is_picture = |path: &PathBuf| path.extension().is_some_and(|end| end == "png" || end == "jpeg");
+    files.into_iter().filter(is_picture).map(|path| fs::read(path).unwrap()).collect()
+}
+
+/// Every format, gray and in color, and frames that others have taken.
+fn pictures() -> Vec<Vec<u8>> {
+    let gray = DynamicImage::from(image::GrayImage::from_fn(20, 12, |x, y| Luma([(x * y) as u8])));
+    let color = DynamicImage::from(image::RgbImage::from_fn(17, 9, |x, y| Rgb([x as u8, y as u8, 200])));
+    let mut pictures = Vec::new();
+    for picture in [&gray, &color] {
+        for format in
+            [ImageFormat::Jpeg, ImageFormat::Png, ImageFormat::WebP, ImageFormat::Bmp, ImageFormat::Pnm]
+        {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, format).unwrap();
+            pictures.push(bytes.into_inner());
+        }
+    }
+    pictures.push(b"P2 2 2 255 0 10 20 255".to_vec());
+    pictures.extend(golden("tests/golden"));
+    pictures.extend(golden("models/simulated-lab/1/golden"));
+    pictures
+}
+
+/// One small model of each kind.
+fn trained() -> Vec<Model> {
+    let bag = vocabulary::Config { n_words: 8, ..vocabulary::Config::default() };
+    let words = Config { longest_side: 96, representation: Representation::Bag(bag), ..Config::default() };
+    let matched = Classifier::MatchSvm(svm::MatchConfig::default());
+    let configs = [
+        Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..words.clone() },
+        Config { classifier: Classifier::KernelSvm(svm::KernelConfig::default()), ..words.clone() },
+        Config { classifier: Classifier::Boost(boost::Config { n_rounds: 4 }), ..words.clone() },
+        Config { classifier: matched, representation: Representation::Descriptors {}, ..words.clone() },
+        words,
+    ];
+    configs.iter().map(train).collect()
+}
+
+fn train(config: &Config) -> Model {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    let extractor = Extractor::new(config, Camera::new(Projection::Perspective));
+    let sample = |idx: usize| {
+        let period = 10 + 6 * (idx % 3);
+        let pixel = |idx: usize| {
+            let is_bright = (idx % 64 % period < period / 2) != (idx / 64 % period < period / 2);
+            random.random_range(0..6) + if is_bright { 200 } else { 40 }
+        };
+        let frame = Image::from_pixels(64, 48, (0..64 * 48).map(pixel).collect()).unwrap();
+        let features = extractor.extract(&frame, &mut Scratch::default());
+        Sample { place: format!("room {}", idx % 3), sequence: format!("drive {}", idx % 2), features }
+    };
+    let samples: Vec<Sample> = (0..12).map(sample).collect();
+    let samples: Vec<&Sample> = samples.iter().collect();
+    Model::train(&samples, config, Camera::new(Projection::Perspective), |_| ()).unwrap().model
+}
+
+fn models() -> Vec<Vec<u8>> {
+    let files = trained().into_iter().map(|model| model.to_bytes().unwrap());
+    files.flat_map(|file| [in_parts(&file), file]).collect()
+}
+
+/// What [`targets::model`] puts together to the same model.
+fn in_parts(file: &[u8]) -> Vec<u8> {
+    let (length, rest) = file.split_first_chunk().unwrap();
+    let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
+    let mut arrays: serde_json::Map<_, _> = serde_json::from_slice(header).unwrap();
+    let about = arrays.remove("__metadata__").unwrap()["roomsight"].as_str().unwrap().to_owned();
+    let arrays = serde_json::to_vec(&arrays).unwrap();
+    let again = Model::from_bytes(&targets::model_file(&arrays, about.as_bytes(), data)).unwrap();
+    assert_eq!(again.to_bytes().unwrap(), file);
+    joined(&[&arrays, about.as_bytes(), data])
+}
+
+fn joined(parts: &[&[u8]]) -> Vec<u8> {
+    let (last, first) = parts.split_last().unwrap();
+    let length = |part: &[u8]| u16::try_from(part.len()).unwrap().to_le_bytes();
+    let mut joined: Vec<u8> = first.iter().flat_map(|part| [&length(part), *part].concat()).collect();
+    joined.extend(*last);
+    joined
+}
+
+fn archives() -> Vec<Vec<u8>> {
+    let place = tempfile::tempdir().unwrap();
+    let pack = |(idx, model): (usize, Model)| {
+        let folder = place.path().join(idx.to_string());
+        let bytes = b"P5 2 2 255 0000".to_vec();
+        let name = "frame.pgm".to_owned();
+        let golden = GoldenFrame { name, bytes, place: model.places()[0].clone(), probability: 1.0 / 3.0 };
+        model.save(&folder, &[golden]).unwrap();
+        let mut tar = Vec::new();
+        package::pack(&folder, &mut tar).unwrap();
+        tar
+    };
+    trained().into_iter().enumerate().map(pack).collect()
+}
+
+fn lists() -> Vec<Vec<u8>> {
+    let manifest = "file,place,sequence,camera,split\na/1.jpg,kitchen,monday,perspective,train\n";
+    let labels = "t1_x1_y1_a1.jpeg CR-A\nt2.5_x-1.5_y0_a0.1.jpeg 2PO1-A\n";
+    let windows = "\u{feff}\"Place\";\"File\"\r\n\"k\u{fc}che\";\"a\\1.jpg\"\r\n";
+    let [manifest, labels, windows] = [manifest, labels, windows].map(str::as_bytes);
+    vec![joined(&[manifest, labels]), joined(&[windows, b"\xff\xfet\x001\x00"])]
+}
+
+fn oip() -> Vec<Vec<u8>> {
+    let in_json = br#"{"id":"1","inputs":[{"name":"frame","datatype":"BYTES","shape":[1],"data":["UDU="]}],"outputs":[{"name":"room"}]}"#;
+    let behind = br#"{"parameters":{"robot":"r","timeout":9,"binary_data_output":true},"inputs":[{"name":"frame","datatype":"BYTES","shape":[2,1],"parameters":{"binary_data_size":11}}]}"#;
+    let elements = b"\x02\0\0\0P5\x01\0\0\0P";
+    let length = |json: &[u8]| (json.len() as u16).to_le_bytes();
+    vec![
+        [&length(in_json), &in_json[..]].concat(),
+        [&length(behind), &behind[..], elements].concat(),
+        b"\0\0{\"ready\":true}".to_vec(),
+        b"\0\0{\"parameters\":{\"config\":\"{}\"}}".to_vec(),
+        b"\0\0{\"frame\":\"/9j/4AAQ\\u002f\"}".to_vec(),
+    ]
+}
+
+fn stream() -> Vec<Vec<u8>> {
+    let configure = r#"{"type":"configure","robot":"r","model":"m","mode":"sampled","interval_ms":200,"filter":{"trust":2.0},"deadline_ms":5,"top":3}"#;
+    let query = r#"{"robot":"r","mode":"lossless","filter":true,"session":"a","last_seq":7}"#;
+    let header = [b"RSF1\x01\0\0\0".as_slice(), &7u64.to_le_bytes(), &9u64.to_le_bytes(), b"P5"].concat();
+    let numbers = [4.0, 3.0, 2.0, 1.0, 0.1, 0.5, 0.2, 0.0, 0.9, 0.1, -5.0, f64::NAN, 1e300];
+    vec![
+        configure.as_bytes().to_vec(),
+        query.as_bytes().to_vec(),
+        header,
+        numbers.iter().flat_map(|number: &f64| number.to_le_bytes()).collect(),
+    ]
+}
+
+fn settings() -> Vec<Vec<u8>> {
+    let settings = roomsight::server::Settings::default().to_toml().unwrap();
+    let config = Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..Config::default() };
+    vec![settings.into_bytes(), toml::to_string(&config).unwrap().into_bytes()]
+}
+
+#[test]
+fn every_target_takes_its_seeds() {
+    let written_to = std::env::var_os("FUZZ_SEEDS").map(PathBuf::from);
+    for Target { name, run, seeds } in all_targets() {
+        assert!(!seeds.is_empty());
+        for seed in seeds {
+            run(&seed);
+            if let Some(folder) = written_to.as_ref().map(|folder| folder.join(name)) {
+                fs::create_dir_all(&folder).unwrap();
+                fs::write(folder.join(blake3::hash(&seed).to_hex().as_str()), seed).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn what_once_broke_something_breaks_nothing() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/regressions");
+    for Target { name, run, .. } in all_targets() {
+        let Ok(inputs) = fs::read_dir(folder.join(name)) else { continue };
+        for input in inputs {
+            let path = input.unwrap().path();
+            println!("{}", path.display());
+            run(&fs::read(path).unwrap());
+        }
+    }
+}
