@@ -22,13 +22,7 @@ use tempfile::TempDir;
 
 /// Small, so that an input that asks for much is told from one that is slow.
 fn limits() -> Limits {
-    Limits {
-        max_bytes: 1 << 20,
-        max_side: 2048,
-        max_pixels: 1 << 20,
-        max_memory: 64 << 20,
-        ..Limits::default()
-    }
+    Limits { max_side: 2048, max_pixels: 1 << 20, max_memory: 64 << 20, ..Limits::default() }
 }
 
 /// A frame of any format: an image within the limits, or a refusal.
