@@ -106,10 +106,11 @@ impl Opinion {
     }
 }
 
-/// One probability a room from those of each sight that sees something, none without any: their product, each to the power of its weight, over the
-/// sum of the rooms (the logarithmic opinion pool; Genest and Zidek, "Combining Probability Distributions: A
-/// Critique and an Annotated Bibliography", Statistical Science 1986). So who is sure counts more than who is
-/// not, as in Pronobis and Caputo, "Confidence-based Cue Integration for Visual Place Recognition", IROS 2007.
+/// One probability a room from those of each sight that saw something, nothing without any: their product, each
+/// to the power of its weight, over the sum of the rooms (the logarithmic opinion pool; Genest and Zidek,
+/// "Combining Probability Distributions: A Critique and an Annotated Bibliography", Statistical Science 1986).
+/// So who is sure counts more than who is not, as in Pronobis and Caputo, "Confidence-based Cue Integration for
+/// Visual Place Recognition", IROS 2007.
 pub(super) fn pooled(opinions: impl Iterator<Item = (f64, Vec<f32>)>) -> Vec<f32> {
     let mut opinions = opinions.filter(|(weight, _)| *weight > 0.0).peekable();
     let Some((weight, first)) = opinions.next() else { return Vec::new() };
