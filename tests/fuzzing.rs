@@ -47,12 +47,15 @@ fn golden(folder: &str) -> Vec<Vec<u8>> {
     files.into_iter().filter(is_picture).map(|path| fs::read(path).unwrap()).collect()
 }
 
-/// Every format, gray and in color, and frames that others have taken.
+/// Every format, gray and in color, and frames that robots have taken, made small: large ones take time and
+/// lead nowhere else.
 fn pictures() -> Vec<Vec<u8>> {
     let gray = DynamicImage::from(image::GrayImage::from_fn(20, 12, |x, y| Luma([(x * y) as u8])));
     let color = DynamicImage::from(image::RgbImage::from_fn(17, 9, |x, y| Rgb([x as u8, y as u8, 200])));
     let mut pictures = Vec::new();
-    for picture in [&gray, &color] {
+    let frames = [golden("tests/golden"), golden("models/simulated-lab/1/golden")].concat();
+    let frames = frames.iter().map(|bytes| image::load_from_memory(bytes).unwrap().thumbnail(48, 36));
+    for picture in [gray, color].into_iter().chain(frames) {
         for format in
             [ImageFormat::Jpeg, ImageFormat::Png, ImageFormat::WebP, ImageFormat::Bmp, ImageFormat::Pnm]
         {
@@ -62,8 +65,6 @@ fn pictures() -> Vec<Vec<u8>> {
         }
     }
     pictures.push(b"P2 2 2 255 0 10 20 255".to_vec());
-    pictures.extend(golden("tests/golden"));
-    pictures.extend(golden("models/simulated-lab/1/golden"));
     pictures
 }
 
