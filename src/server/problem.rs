@@ -6,15 +6,17 @@ use super::body::BodyError;
 use super::pool::QueueFull;
 use super::recognize::RecognizeError;
 use super::registry::{ChangeError, LookupError};
-use super::upload::UploadError;
+use super::upload::{UPLOAD_WAIT, UploadError};
 use crate::image::ImageError;
 use crate::protocol::oip;
 use crate::protocol::oip::request::RequestError;
 use crate::protocol::rest::ProblemBody;
 use crate::repository::RepositoryError;
+use crate::repository::package::PackageError;
 use Kind as K;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use std::io::ErrorKind;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -321,8 +323,14 @@ impl Problem {
     /// What the caller reads. Causes of failures of ours stay in the log.
     pub fn body(&self, request_id: &str) -> ProblemBody {
         let kind = self.kind();
-        let is_ours = matches!(kind, K::Internal | K::NoRepository);
-        let detail = if is_ours { kind.advice().to_owned() } else { self.to_string() };
+        let detail = match kind {
+            K::Internal => kind.advice().to_owned(),
+            K::NoRepository => match self.disk_error() {
+                Some(reason) => format!("{reason}: {}", kind.advice()),
+                None => kind.advice().to_owned(),
+            },
+            _ => self.to_string(),
+        };
         ProblemBody {
             r#type: kind.uri(),
             title: kind.title().to_owned(),
@@ -359,10 +367,34 @@ impl Problem {
         Response::from_parts(parts, body.unwrap_or_default().into())
     }
 
+    /// What a disk has said of the models' folder, in words that name no path.
+    fn disk_error(&self) -> Option<&'static str> {
+        let source = match self {
+            Self::Change(ChangeError::Repository(RepositoryError::Io { source, .. }))
+            | Self::Upload(
+                UploadError::Package(PackageError::Io { source, .. })
+                | UploadError::Disk(source)
+                | UploadError::Repository(RepositoryError::Io { source, .. })
+                | UploadError::Refused(ChangeError::Repository(RepositoryError::Io { source, .. })),
+            ) => source,
+            _ => return None,
+        };
+        match source.kind() {
+            ErrorKind::ReadOnlyFilesystem => Some("the folder of models can only be read"),
+            ErrorKind::PermissionDenied => Some("the service may not write into the folder of models"),
+            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+                Some("no room is left in the folder of models")
+            }
+            ErrorKind::NotFound => Some("the folder of models is not there"),
+            _ => None,
+        }
+    }
+
     fn retry_after(&self) -> Option<Duration> {
         match self {
             Self::Busy(QueueFull { retry_after })
             | Self::Body(BodyError::NoMemory(QueueFull { retry_after })) => Some(*retry_after),
+            Self::Upload(UploadError::TooMany { .. }) => Some(UPLOAD_WAIT),
             _ => None,
         }
     }
@@ -372,7 +404,7 @@ fn lookup_kind(error: &LookupError) -> Kind {
     match error {
         LookupError::NoModel(_) | LookupError::NoVersion(..) => K::NoSuchModel,
         LookupError::NotReady(..) | LookupError::NoLabel(..) => K::NotReady,
-        LookupError::NothingServes(_) | LookupError::Empty => K::NoModel,
+        LookupError::NothingServes(_) | LookupError::NoDefault(_) | LookupError::Empty => K::NoModel,
     }
 }
 
@@ -380,9 +412,9 @@ fn lookup_kind(error: &LookupError) -> Kind {
 pub fn change_kind(error: &ChangeError) -> Kind {
     match error {
         ChangeError::Lookup(error) => lookup_kind(error),
-        ChangeError::Failed(_) => K::NotReady,
+        ChangeError::Failed(_) | ChangeError::NotServing(_) => K::NotReady,
         ChangeError::Stale { .. } => K::StaleEpoch,
-        ChangeError::Superseded | ChangeError::Record(_) => K::Conflict,
+        ChangeError::Superseded | ChangeError::DefaultIsSet(_) | ChangeError::Record(_) => K::Conflict,
         ChangeError::Repository(error) => repository_kind(error),
     }
 }
@@ -392,9 +424,12 @@ pub fn repository_kind(error: &RepositoryError) -> Kind {
     match error {
         RepositoryError::Name(_) => K::BadRequest,
         RepositoryError::NoVersion(_) => K::NoSuchModel,
-        RepositoryError::Exists(_) | RepositoryError::ReadOnly(_) | RepositoryError::Overtaken { .. } => {
-            K::Conflict
-        }
+        RepositoryError::Exists(_)
+        | RepositoryError::HalfUploaded(_)
+        | RepositoryError::NoNumber
+        | RepositoryError::ReadOnly(_)
+        | RepositoryError::Overtaken { .. }
+        | RepositoryError::DefaultOvertaken(_) => K::Conflict,
         _ => K::NoRepository,
     }
 }
