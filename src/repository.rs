@@ -38,7 +38,7 @@ pub use single::Single;
 use crate::model::MODEL_FILE;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -155,6 +155,27 @@ pub enum RepositoryError {
         /// Why not.
         source: io::Error,
     },
+}
+
+impl RepositoryError {
+    /// What the disk has said, in words that name no path, where it was the disk and callers may know.
+    pub fn disk_error(&self) -> Option<&'static str> {
+        match self {
+            Self::Io { source, .. } => disk_error(source),
+            _ => None,
+        }
+    }
+}
+
+/// What a disk says of a folder of models, in words that name no path; none where callers need not know.
+pub fn disk_error(error: &io::Error) -> Option<&'static str> {
+    match error.kind() {
+        ErrorKind::ReadOnlyFilesystem => Some("the folder of models can only be read"),
+        ErrorKind::PermissionDenied => Some("the service may not write into the folder of models"),
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Some("no room is left in the folder of models"),
+        ErrorKind::NotFound => Some("the folder of models is not there"),
+        _ => None,
+    }
 }
 
 impl Repository {

@@ -12,11 +12,9 @@ use crate::protocol::oip;
 use crate::protocol::oip::request::RequestError;
 use crate::protocol::rest::ProblemBody;
 use crate::repository::RepositoryError;
-use crate::repository::package::PackageError;
 use Kind as K;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use std::io::ErrorKind;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -367,25 +365,11 @@ impl Problem {
         Response::from_parts(parts, body.unwrap_or_default().into())
     }
 
-    /// What a disk has said of the models' folder, in words that name no path.
+    /// What a disk has said of the models' folder.
     fn disk_error(&self) -> Option<&'static str> {
-        let source = match self {
-            Self::Change(ChangeError::Repository(RepositoryError::Io { source, .. }))
-            | Self::Upload(
-                UploadError::Package(PackageError::Io { source, .. })
-                | UploadError::Disk(source)
-                | UploadError::Repository(RepositoryError::Io { source, .. })
-                | UploadError::Refused(ChangeError::Repository(RepositoryError::Io { source, .. })),
-            ) => source,
-            _ => return None,
-        };
-        match source.kind() {
-            ErrorKind::ReadOnlyFilesystem => Some("the folder of models can only be read"),
-            ErrorKind::PermissionDenied => Some("the service may not write into the folder of models"),
-            ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
-                Some("no room is left in the folder of models")
-            }
-            ErrorKind::NotFound => Some("the folder of models is not there"),
+        match self {
+            Self::Change(error) => error.disk_error(),
+            Self::Upload(error) => error.disk_error(),
             _ => None,
         }
     }

@@ -5,7 +5,7 @@ use super::models::blocking;
 use super::problem::{Kind, Problem, change_kind, repository_kind};
 use super::registry::ChangeError;
 use crate::repository::package::{Limits, PackageError, unpack};
-use crate::repository::{RepositoryError, VersionId};
+use crate::repository::{RepositoryError, VersionId, disk_error};
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::Request;
 use axum::http::HeaderMap;
@@ -92,6 +92,16 @@ impl UploadError {
             Self::Package(_) | Self::Refused(ChangeError::Failed(_)) => Kind::NotAModel,
             Self::Repository(error) => repository_kind(error),
             Self::Refused(error) => change_kind(error),
+        }
+    }
+
+    /// What the disk has said, where it was the disk and callers may know.
+    pub fn disk_error(&self) -> Option<&'static str> {
+        match self {
+            Self::Package(PackageError::Io { source, .. }) | Self::Disk(source) => disk_error(source),
+            Self::Repository(error) => error.disk_error(),
+            Self::Refused(error) => error.disk_error(),
+            _ => None,
         }
     }
 }

@@ -97,6 +97,16 @@ pub enum ChangeError {
     Repository(#[from] RepositoryError),
 }
 
+impl ChangeError {
+    /// What the disk has said, where it was the disk and callers may know.
+    pub fn disk_error(&self) -> Option<&'static str> {
+        match self {
+            Self::Repository(error) => error.disk_error(),
+            _ => None,
+        }
+    }
+}
+
 /// Why a version does not serve.
 #[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 #[error("{stage} failed: {reason}")]

@@ -155,9 +155,9 @@ fn where_something_was_changed_since_a_caller_looked_nothing_is_committed() {
     // Both looked at the same epoch, and have loaded what they want.
     let tickets = [0, 1].map(|_| registry.begin("lab", Some(epoch)).unwrap());
     let [first, second] = [2, 3].map(|version| (version, registry.load("lab", version).unwrap()));
-    let wanted = |change, ticket| Wanted { expected_epoch: Some(epoch), ..self::wanted(change, ticket) };
-    registry.commit("lab", wanted(Change::Activate(2), tickets[0]), Some(&first)).unwrap();
-    let late = registry.commit("lab", wanted(Change::Activate(3), tickets[1]), Some(&second));
+    let seen = |change, ticket| Wanted { expected_epoch: Some(epoch), ..wanted(change, ticket) };
+    registry.commit("lab", seen(Change::Activate(2), tickets[0]), Some(&first)).unwrap();
+    let late = registry.commit("lab", seen(Change::Activate(3), tickets[1]), Some(&second));
     assert!(matches!(late, Err(ChangeError::Stale { .. })));
     assert_eq!((stable(&registry), registry.entry("lab").unwrap().record.epoch), (Some(2), epoch + 1));
 }
