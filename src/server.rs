@@ -85,6 +85,8 @@ pub struct AppState {
     pool: Pool,
     /// One permit for each byte of a body that may be held.
     body_memory: Arc<Semaphore>,
+    /// One permit for each upload at one time.
+    uploads: Semaphore,
     request_ids: RequestIds,
     streams: Streams,
     events: Events,
@@ -117,6 +119,7 @@ impl App {
             registry,
             pool: Pool::new(settings.n_threads(), settings.queue)?,
             body_memory: Arc::new(Semaphore::new(settings.max_buffered_bytes)),
+            uploads: Semaphore::new(settings.max_uploads),
             request_ids: RequestIds::new(),
             streams: Streams::new(settings.max_streams),
             events,

@@ -23,7 +23,7 @@ pub(super) struct ServeArgs {
     /// Whether newer versions come to serve by themselves: latest or manual [default: latest]
     #[arg(long, value_parser = ["latest", "manual"])]
     policy: Option<String>,
-    /// The model of requests that name none [default: the first by name]
+    /// The model of requests that name none [default: the one that `models default` named]
     #[arg(long, value_name = "NAME")]
     model: Option<String>,
     /// Where to listen [default: 127.0.0.1:8080]
@@ -83,7 +83,7 @@ fn pair(text: &str) -> Result<(String, String), String> {
 }
 
 /// The environment; what is not Unicode is no setting.
-fn environment() -> impl Iterator<Item = (String, String)> {
+pub(super) fn environment() -> impl Iterator<Item = (String, String)> {
     std::env::vars_os()
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
 }

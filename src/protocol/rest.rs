@@ -1,6 +1,8 @@
 //! What travels over REST, as JSON.
 
-use serde::{Deserialize, Serialize};
+use crate::repository::version_number;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use utoipa::{IntoParams, ToSchema};
 
@@ -11,7 +13,8 @@ use utoipa::{IntoParams, ToSchema};
 pub struct RecognizeQuery {
     /// The model that answers; left out: the default one.
     pub model: Option<String>,
-    /// Its version; left out: the one that serves.
+    /// Its version, a whole number without sign and leading zeros; left out: the one that serves.
+    #[serde(default, deserialize_with = "version_from_text")]
     pub version: Option<u64>,
     /// The label its version carries, instead of `version`.
     #[param(example = "stable")]
@@ -152,7 +155,7 @@ pub enum BatchResult {
 /// The models there are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ModelList {
-    /// The model of requests that name none; left out where nothing serves.
+    /// The model of requests that name none; left out before one serves or is named. It stays until another is named.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub default: Option<String>,
     /// All of them, by name.
@@ -164,6 +167,9 @@ pub struct ModelList {
 pub struct ModelInfo {
     /// Its name.
     pub name: String,
+    /// Whether it answers requests that name no model.
+    #[serde(default)]
+    pub default: bool,
     /// The version that serves, as `stable`.
     pub serving: Option<u64>,
     /// How often what serves was changed; also the `ETag`, which `If-Match` is compared with.
@@ -310,6 +316,17 @@ pub struct ProblemBody {
     pub detail: String,
     /// The request, as in the header `X-Request-Id` and the log.
     pub request_id: String,
+}
+
+/// Reads a version from a query or a path. One number has one notation there.
+pub(crate) fn version_from_text<'de, D: Deserializer<'de>>(text: D) -> Result<Option<u64>, D::Error> {
+    let text = Cow::<str>::deserialize(text)?;
+    let wrong = || {
+        D::Error::custom(format!(
+            "{text:?} is no version: give a whole number without sign and leading zeros, such as 7"
+        ))
+    };
+    version_number(&text).map(Some).ok_or_else(wrong)
 }
 
 impl TimingsMs {

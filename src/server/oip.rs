@@ -17,6 +17,7 @@ use super::openapi::{NameParam, VersionParams};
 use super::problem::Problem;
 use super::registry::Choice;
 use crate::protocol::oip::{EXTENSIONS, ModelMetadata, ModelReady, ServerLive, ServerMetadata, ServerReady};
+use crate::protocol::rest::version_from_text;
 use axum::Json;
 use axum::extract::{FromRequestParts, Path, State};
 use axum::http::request::Parts;
@@ -57,6 +58,7 @@ pub struct ModelPath {
     /// The model's name.
     pub name: String,
     /// Its version; left out: the one that serves.
+    #[serde(default, deserialize_with = "version_from_text")]
     pub version: Option<u64>,
 }
 

@@ -152,7 +152,10 @@ impl IntoResponses for UploadProblems {
             Kind::SlowBody,
             Kind::Conflict,
             Kind::TooLarge,
+            Kind::UnsupportedType,
             Kind::NotAModel,
+            Kind::QueueFull,
+            Kind::Draining,
             Kind::NoRepository,
             Kind::Internal,
         ])

@@ -6,7 +6,7 @@ use super::body::BodyError;
 use super::pool::QueueFull;
 use super::recognize::RecognizeError;
 use super::registry::{ChangeError, LookupError};
-use super::upload::UploadError;
+use super::upload::{UPLOAD_WAIT, UploadError};
 use crate::image::ImageError;
 use crate::protocol::oip;
 use crate::protocol::oip::request::RequestError;
@@ -321,8 +321,14 @@ impl Problem {
     /// What the caller reads. Causes of failures of ours stay in the log.
     pub fn body(&self, request_id: &str) -> ProblemBody {
         let kind = self.kind();
-        let is_ours = matches!(kind, K::Internal | K::NoRepository);
-        let detail = if is_ours { kind.advice().to_owned() } else { self.to_string() };
+        let detail = match kind {
+            K::Internal => kind.advice().to_owned(),
+            K::NoRepository => match self.disk_error() {
+                Some(reason) => format!("{reason}: {}", kind.advice()),
+                None => kind.advice().to_owned(),
+            },
+            _ => self.to_string(),
+        };
         ProblemBody {
             r#type: kind.uri(),
             title: kind.title().to_owned(),
@@ -359,10 +365,20 @@ impl Problem {
         Response::from_parts(parts, body.unwrap_or_default().into())
     }
 
+    /// What a disk has said of the models' folder.
+    fn disk_error(&self) -> Option<&'static str> {
+        match self {
+            Self::Change(error) => error.disk_error(),
+            Self::Upload(error) => error.disk_error(),
+            _ => None,
+        }
+    }
+
     fn retry_after(&self) -> Option<Duration> {
         match self {
             Self::Busy(QueueFull { retry_after })
             | Self::Body(BodyError::NoMemory(QueueFull { retry_after })) => Some(*retry_after),
+            Self::Upload(UploadError::TooMany { .. }) => Some(UPLOAD_WAIT),
             _ => None,
         }
     }
@@ -372,7 +388,7 @@ fn lookup_kind(error: &LookupError) -> Kind {
     match error {
         LookupError::NoModel(_) | LookupError::NoVersion(..) => K::NoSuchModel,
         LookupError::NotReady(..) | LookupError::NoLabel(..) => K::NotReady,
-        LookupError::NothingServes(_) | LookupError::Empty => K::NoModel,
+        LookupError::NothingServes(_) | LookupError::NoDefault(_) | LookupError::Empty => K::NoModel,
     }
 }
 
@@ -380,9 +396,9 @@ fn lookup_kind(error: &LookupError) -> Kind {
 pub fn change_kind(error: &ChangeError) -> Kind {
     match error {
         ChangeError::Lookup(error) => lookup_kind(error),
-        ChangeError::Failed(_) => K::NotReady,
+        ChangeError::Failed(_) | ChangeError::NotServing(_) => K::NotReady,
         ChangeError::Stale { .. } => K::StaleEpoch,
-        ChangeError::Superseded | ChangeError::Record(_) => K::Conflict,
+        ChangeError::Superseded | ChangeError::DefaultIsSet(_) | ChangeError::Record(_) => K::Conflict,
         ChangeError::Repository(error) => repository_kind(error),
     }
 }
@@ -392,9 +408,12 @@ pub fn repository_kind(error: &RepositoryError) -> Kind {
     match error {
         RepositoryError::Name(_) => K::BadRequest,
         RepositoryError::NoVersion(_) => K::NoSuchModel,
-        RepositoryError::Exists(_) | RepositoryError::ReadOnly(_) | RepositoryError::Overtaken { .. } => {
-            K::Conflict
-        }
+        RepositoryError::Exists(_)
+        | RepositoryError::HalfUploaded(_)
+        | RepositoryError::NoNumber
+        | RepositoryError::ReadOnly(_)
+        | RepositoryError::Overtaken { .. }
+        | RepositoryError::DefaultOvertaken(_) => K::Conflict,
         _ => K::NoRepository,
     }
 }

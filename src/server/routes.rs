@@ -78,6 +78,7 @@ fn admins() -> OpenApiRouter<App> {
         .routes(routes!(models::upload_version, models::delete_version))
         .routes(routes!(models::activate))
         .routes(routes!(models::rollback))
+        .routes(routes!(models::set_default))
         .routes(routes!(models::set_label, models::remove_label))
         .merge(oip::admins())
 }

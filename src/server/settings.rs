@@ -2,6 +2,7 @@
 
 use super::auth::Key;
 use crate::image;
+use crate::model::MAX_MODEL_BYTES;
 use config::{Config, Environment, File, FileFormat};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -25,9 +26,12 @@ pub struct Settings {
     pub models_poll_ms: u64,
     /// Where versions from a bucket are kept.
     pub models_cache: PathBuf,
-    /// The longest upload of a version, in bytes.
+    /// The longest upload of a version, in bytes, also when it is unpacked; at most 1 GiB.
     pub max_model_bytes: u64,
-    /// The model of requests that name none; empty: the first by name.
+    /// The most uploads of versions at one time.
+    pub max_uploads: usize,
+    /// The model of requests that name none; empty: the one that the repository names, which is at first the first
+    /// by name.
     pub model: String,
     /// Who may call, one `role:name:hash` each; `roomsight key new` makes them.
     pub keys: Vec<Key>,
@@ -131,6 +135,7 @@ impl Default for Settings {
             models_poll_ms: 2000,
             models_cache: "models-cache".into(),
             max_model_bytes: 256 << 20,
+            max_uploads: 4,
             model: String::new(),
             keys: Vec::new(),
             allow_anonymous: false,
@@ -270,6 +275,26 @@ impl Settings {
                 format!("a batch must fit the queue: set it from 1 to {n_slots}, or raise `queue`"),
             );
         }
+        if self.max_model_bytes == 0 || self.max_model_bytes > MAX_MODEL_BYTES {
+            return wrong(
+                "max_model_bytes",
+                format!("it must be from 1 to {MAX_MODEL_BYTES}: no longer model is read"),
+            );
+        }
+        if self.max_uploads == 0 || self.max_uploads > 1000 {
+            return wrong("max_uploads", "it must be from 1 to 1000".into());
+        }
+        for (name, value) in [
+            ("header_timeout_ms", self.header_timeout_ms),
+            ("body_timeout_ms", self.body_timeout_ms),
+            ("drain_timeout_ms", self.drain_timeout_ms),
+            ("stream_idle_timeout_ms", self.stream_idle_timeout_ms),
+            ("stream_write_timeout_ms", self.stream_write_timeout_ms),
+        ] {
+            if value == 0 {
+                return wrong(name, "no call can be made in no time: set it to 1 or more".into());
+            }
+        }
         if self.max_streams > 1_000_000 {
             return wrong("max_streams", "it must be at most 1000000".into());
         }
@@ -380,6 +405,13 @@ mod tests {
         for (name, value) in [
             ("threads", "5000"),
             ("max_connections", "0"),
+            ("max_model_bytes", "1073741825"),
+            ("max_uploads", "0"),
+            ("header_timeout_ms", "0"),
+            ("body_timeout_ms", "0"),
+            ("drain_timeout_ms", "0"),
+            ("stream_idle_timeout_ms", "0"),
+            ("stream_write_timeout_ms", "0"),
             ("max_batch_frames", "0"),
             ("max_buffered_bytes", "10"),
             ("queue", "many"),

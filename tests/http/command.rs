@@ -81,6 +81,11 @@ impl Drop for Running {
 fn serve_gets_ready_and_ends_well_when_told() {
     let models = models();
     let mut running = Running::start(&["--models", models.path().to_str().unwrap(), "--log-format", "json"]);
+    let address = running.url.strip_prefix("http://").unwrap();
+    // As in a container, which listens on all addresses.
+    let everywhere = address.replace("127.0.0.1", "0.0.0.0");
+    let health = roomsight(&["health"]).env("ROOMSIGHT_LISTEN", everywhere).output().unwrap();
+    assert!(health.status.success(), "{}", text(&health.stderr));
     let log = running.stop();
     let answered: serde_json::Value =
         serde_json::from_str(log.lines().find(|line| line.contains("answered")).unwrap()).unwrap();

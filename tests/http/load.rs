@@ -13,7 +13,6 @@ const SLOW_HEAD: &str = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-lengt
 /// The service asks for this body when it has admitted the request.
 const ASKED_HEAD: &str =
     "POST /v1/recognize HTTP/1.1\r\nhost: x\r\nexpect: 100-continue\r\ncontent-length: 1000\r\n\r\n";
-const CONTINUE: &str = "HTTP/1.1 100 Continue\r\n\r\n";
 
 /// A service of one thread with a queue of this length.
 pub async fn one_thread(queue: usize) -> Server {
@@ -197,6 +196,8 @@ async fn a_stop_answers_what_was_accepted_and_refuses_the_rest() {
     timeout(SOON, async { while !not_told().await {} }).await.unwrap();
     problem(server.get("/readyz").send().await.unwrap(), 503, "draining").await;
     problem(server.post("/v1/recognize", frame()).send().await.unwrap(), 503, "draining").await;
+    let upload = server.put("/v1/models/lab/versions/2", "a model").send().await.unwrap();
+    problem(upload, 503, "draining").await;
     success(server.get("/livez").send().await.unwrap()).await;
     for response in accepted {
         success(response.await.unwrap().unwrap()).await;

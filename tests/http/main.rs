@@ -4,6 +4,7 @@
 
 mod calls;
 mod command;
+mod default_model;
 mod kill;
 mod load;
 mod metrics;
@@ -15,3 +16,4 @@ mod service;
 mod stream;
 mod stream_property;
 mod trace;
+mod upload;

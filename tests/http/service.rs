@@ -17,6 +17,9 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::{JoinHandle, spawn_blocking};
 
+/// What a caller is told who waits before it sends a body.
+pub const CONTINUE: &str = "HTTP/1.1 100 Continue\r\n\r\n";
+
 /// Patience with what must happen, on the slowest machine.
 pub const SOON: Duration = Duration::from_secs(30);
 

@@ -101,11 +101,13 @@ class Version:
 
 @dataclass(frozen=True)
 class Model:
-    """A model: its versions, the highest first, and the one that serves."""
+    """A model: its versions, the highest first, and the one that serves; ``default`` where it answers requests that
+    name none."""
 
     name: str
     versions: list[Version]
     serving: Optional[int] = None
+    default: bool = False
 
 
 @dataclass(frozen=True)
