@@ -140,22 +140,17 @@ pub enum DatasetError {
     Manifest(Problem),
     /// A manifest lacks a column, or has it twice.
     #[error(
-        "{}, line {line}: {n} `{column}` among {found}; this line must name the columns, at least file and place, \
-         separated by commas, semicolons or tabs",
-        path.display(),
-        n = if *is_twice { "two columns" } else { "no column" }
+        "{}, line {line}: {fault}; this line must name the columns, at least file and place, separated by commas, \
+         semicolons or tabs",
+        path.display()
     )]
     Columns {
         /// The manifest.
         path: PathBuf,
         /// The line of the headings, counted from 1.
         line: u64,
-        /// The column.
-        column: &'static str,
-        /// Whether it is there twice.
-        is_twice: bool,
-        /// The headings.
-        found: String,
+        /// Which column, and those that are there.
+        fault: String,
     },
     /// A manifest names a camera that does not exist.
     #[error("{}, line {line}: no camera `{name}`; write perspective, equirectangular or omnidirectional", path.display())]

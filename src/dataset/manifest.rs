@@ -83,7 +83,11 @@ fn parse(text: &str, path: &Path) -> Result<Dataset, DatasetError> {
     let mut records = reader.records().filter(|record| !record.as_ref().is_ok_and(is_empty));
     let headings = records.find(|record| !record.as_ref().is_ok_and(is_separator_line)).transpose();
     let headings = headings.map_err(|error| DatasetError::Manifest(Problem::new(path, error.to_string())))?;
-    let columns = Columns::find(&headings.unwrap_or_default(), path)?;
+    let headings = headings.unwrap_or_default();
+    let columns = Columns::find(&headings).map_err(|fault| {
+        let (path, line) = (path.to_owned(), line_of_record(&headings, &text));
+        DatasetError::Columns { path, line, fault }
+    })?;
     let mut line_of: HashMap<PathBuf, (u64, String)> = HashMap::new();
     for record in records {
         let record = match record {
@@ -93,7 +97,7 @@ fn parse(text: &str, path: &Path) -> Result<Dataset, DatasetError> {
                 continue;
             }
         };
-        let line = line_of_record(&record);
+        let line = line_of_record(&record, &text);
         let problem = |reason: &str| Problem::new(path, reason).at(line);
         let row = match columns.row(&record) {
             Ok(row) => row,
@@ -133,8 +137,13 @@ fn is_separator_line(record: &StringRecord) -> bool {
     record.get(0).is_some_and(|first| first.eq_ignore_ascii_case("sep="))
 }
 
-fn line_of_record(record: &StringRecord) -> u64 {
-    record.position().map_or(0, csv::Position::line)
+/// The line of a record of `text`, counted from 1. A record's position is where the one before it ends: lines
+/// that are passed over may lie between.
+fn line_of_record(record: &StringRecord, text: &str) -> u64 {
+    let Some(position) = record.position() else { return 1 };
+    let rest = text.get(position.byte() as usize..).unwrap_or_default();
+    let is_passed_over = |line: &&str| line.trim_end_matches('\r').is_empty() || line.starts_with('#');
+    position.line() + rest.split('\n').take_while(is_passed_over).count() as u64
 }
 
 /// What separates the headings: the delimiter that cuts out the most columns that are looked for.
@@ -207,18 +216,17 @@ struct Row<'a> {
 }
 
 impl Columns {
-    fn find(headings: &StringRecord, path: &Path) -> Result<Self, DatasetError> {
-        let fail = |column, is_twice| {
+    fn find(headings: &StringRecord) -> Result<Self, String> {
+        let fail = |n_columns: &str, column: &str| {
             let found: BTreeSet<&str> = headings.iter().collect();
-            let (path, line) = (path.to_owned(), line_of_record(headings));
-            DatasetError::Columns { path, line, column, is_twice, found: error::enumerate(&found) }
+            format!("{n_columns} `{column}` among {}", error::enumerate(&found))
         };
         let find = |column: &'static str| {
             let mut found = (0..headings.len()).filter(|&idx| headings[idx].eq_ignore_ascii_case(column));
             let idx = found.next();
-            if found.next().is_some() { Err(fail(column, true)) } else { Ok(idx) }
+            if found.next().is_some() { Err(fail("two columns", column)) } else { Ok(idx) }
         };
-        let need = |column| find(column)?.ok_or_else(|| fail(column, false));
+        let need = |column| find(column)?.ok_or_else(|| fail("no column", column));
         Ok(Self {
             file: need("file")?,
             place: need("place")?,
@@ -330,6 +338,15 @@ mod tests {
             "set/frames.csv, line 11: ends before the column place",
         ];
         assert_eq!(problems, expected);
+    }
+
+    #[test]
+    fn lines_are_counted_over_those_passed_over() {
+        let text = "# a\r\n\r\nfile,place\r\n#b\r\n\r\n1.jpg\r\n2.jpg,hall\r\n3.jpg\r\n";
+        for text in [text.to_owned(), text.replace('\r', "")] {
+            let lines: Vec<_> = parsed(&text).unwrap().problems.iter().map(|problem| problem.line).collect();
+            assert_eq!(lines, [Some(6), Some(8)], "{text:?}");
+        }
     }
 
     /// `file:place` of each frame; there must be no problem.

@@ -215,7 +215,7 @@ fn sets_that_cannot_be_used_are_refused() {
         dataset.and_then(|dataset| dataset.check()).unwrap_err().to_string()
     };
     assert!(refused(open(Path::new("no/such/set"))).contains("no/such/set: no such file or folder"));
-    assert!(refused(open(tree(&[]).path())).contains("not a data set; what can be read"));
+    assert!(refused(open(tree(&[]).path())).contains("not a data set (no picture in it); what can be read"));
     assert!(refused(open(&tree(&["a.txt"]).path().join("a.txt"))).contains("not a data set"));
     assert!(refused(open(tree(&["1.jpg"]).path())).contains("pictures lie in it directly"));
     assert!(refused(open(tree(&["hall/1.jpg"]).path())).contains("every frame shows `hall`"));
@@ -337,7 +337,7 @@ proptest! {
     #[test]
     fn no_file_is_skipped_in_silence(
         files in proptest::collection::btree_set(
-            "((train|val|DCIM|a|b|c|@eaDir)/){0,4}(1.jpg|2|x.txt|Thumbs.db|l.csv|.y)", 1..12,
+            "((train|val|DCIM|a|b|c|@eaDir)/){0,4}(1[.]jpg|2|x[.]txt|Thumbs[.]db|l[.]csv|[.]y)", 1..12,
         ),
     ) {
         // A name cannot be a file and a folder.
