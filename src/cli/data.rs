@@ -13,8 +13,8 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Problems that are listed one by one; more are counted.
-const N_LISTED_PROBLEMS: usize = 5;
+/// Kinds of problems that get a line each; more are counted.
+const N_LISTED_KINDS: usize = 10;
 
 /// Which frames of a data set to take.
 #[derive(Args)]
@@ -55,15 +55,13 @@ impl From<CameraName> for CameraKind {
 }
 
 impl DataArgs {
-    /// Opens the data set, takes the frames asked for, and reports what is wrong with the rest. Where no
-    /// camera is asked for it is `default_camera`, if there is one.
-    pub(super) fn open(&self, default_camera: Option<CameraKind>) -> anyhow::Result<Dataset> {
-        let mut dataset = dataset::open(&self.data)?;
-        report(&dataset.problems);
-        if dataset.n_unlabeled > 0 {
-            eprintln!("{} frames have no room and are left out", dataset.n_unlabeled);
-        }
-        if let Some(camera) = self.camera.map(CameraKind::from).or(default_camera) {
+    /// Opens the data set, takes the frames asked for, and reports what is wrong with the rest. For a model
+    /// that is there already, its rooms are known, and its camera is taken where none is asked for.
+    pub(super) fn open(&self, model: Option<&Model>) -> anyhow::Result<Dataset> {
+        let mut dataset = dataset::open_for(&self.data, model.map_or(&[], Model::places))?;
+        report_all(&dataset);
+        let model_camera = model.map(|model| model.camera().projection.kind());
+        if let Some(camera) = self.camera.map(CameraKind::from).or(model_camera) {
             dataset = dataset.with_camera(camera)?;
         }
         if let Some(patterns) = &self.sequences {
@@ -190,14 +188,44 @@ pub(super) fn at_least(least: u64) -> RangedU64ValueParser<usize> {
     RangedU64ValueParser::new().range(least..)
 }
 
-/// Describes all frames behind a progress bar and reports those that cannot be read.
+/// Describes all frames behind a progress bar and reports those that cannot be read, and copies.
 pub(super) fn describe(dataset: &Dataset, extractor: &Extractor) -> anyhow::Result<Described> {
+    let described = describe_all(dataset, extractor);
+    report("left out", &described.problems);
+    let copies: Vec<Problem> = described.copies(dataset).into_iter().map(|copied| copied.problem).collect();
+    report("note", &copies);
+    some(described, dataset)
+}
+
+/// The same for training, which leaves copies out: one that is trained makes the rate of one that is held out
+/// look too good.
+pub(super) fn describe_to_train(dataset: &Dataset, extractor: &Extractor) -> anyhow::Result<Described> {
+    let described = describe_all(dataset, extractor).without_copies(dataset);
+    report("left out", &described.problems);
+    some(described, dataset)
+}
+
+/// The same to answer frames with a model that was trained on `trained`, which are left out.
+pub(super) fn describe_to_answer(
+    dataset: &Dataset,
+    extractor: &Extractor,
+    trained: &Described,
+) -> anyhow::Result<Described> {
+    let described = describe_all(dataset, extractor).without_trained(dataset, trained);
+    report("left out", &described.problems);
+    some(described, dataset)
+}
+
+fn describe_all(dataset: &Dataset, extractor: &Extractor) -> Described {
     let bar = output::progress("describing frames", dataset.frames.len());
     let described = dataset.describe(extractor, &Limits::default(), || bar.inc(1));
     bar.finish_and_clear();
-    report(&described.problems);
+    described
+}
+
+fn some(described: Described, dataset: &Dataset) -> anyhow::Result<Described> {
     if described.samples.is_empty() {
-        bail!("none of the {} frames can be read", dataset.frames.len());
+        bail!("none of the {} frames can be used; why is told above", dataset.frames.len());
     }
     Ok(described)
 }
@@ -207,12 +235,25 @@ pub(super) fn is_simulated(data: &Path) -> bool {
     data.ancestors().any(|folder| folder.join(crate::simulate::MARKER_FILE).is_file())
 }
 
-pub(super) fn report(problems: &[Problem]) {
-    for problem in problems.iter().take(N_LISTED_PROBLEMS) {
-        eprintln!("left out: {problem}");
+/// Tells on standard error what a data set leaves out and what is odd about it.
+pub(super) fn report_all(dataset: &Dataset) {
+    report("note", &dataset.notes);
+    report("left out", &dataset.problems);
+    if dataset.n_unlabeled > 0 {
+        eprintln!("left out: frames that are listed without a room: {}", dataset.n_unlabeled);
     }
-    if problems.len() > N_LISTED_PROBLEMS {
-        eprintln!("left out: {} more", problems.len() - N_LISTED_PROBLEMS);
+}
+
+/// A line for each kind of problem.
+fn report(what: &str, problems: &[Problem]) {
+    let kinds = dataset::by_kind(problems);
+    let (listed, others) = kinds.split_at(kinds.len().min(N_LISTED_KINDS));
+    for kind in listed {
+        eprintln!("{what}: {kind}");
+    }
+    if !others.is_empty() {
+        let n_problems: usize = others.iter().map(|kind| kind.n_problems).sum();
+        eprintln!("{what}: {n_problems} more, for {} other reasons", others.len());
     }
 }
 

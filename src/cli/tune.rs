@@ -147,7 +147,7 @@ impl Tuner<'_> {
     fn measure(&mut self, parameters: Vec<String>, config: Config) -> anyhow::Result<Tried> {
         let described = match self.described.take() {
             Some((before, described)) if before.extraction() == config.extraction() => described,
-            _ => data::describe(self.dataset, &Extractor::new(&config, self.camera.clone()))?,
+            _ => data::describe_to_train(self.dataset, &Extractor::new(&config, self.camera.clone()))?,
         };
         let (_, described) = self.described.insert((config.clone(), described));
         let protocol = Protocol::Sequences(self.args.folds.folds);

@@ -124,7 +124,7 @@ fn by_protocol(args: &ValidateArgs, config: &Config, dataset: &Dataset) -> anyho
         args.folds.check(dataset)?;
     }
     let camera = args.config.camera(dataset)?;
-    let described = data::describe(dataset, &Extractor::new(config, camera.clone()))?;
+    let described = data::describe_to_train(dataset, &Extractor::new(config, camera.clone()))?;
     let rounds = |seed| validate::rounds(&described.samples, &protocol, seed);
     let bar = output::progress("training", args.folds.seeds as usize * rounds(0).len());
     let mut evaluations = Vec::new();
@@ -159,13 +159,13 @@ fn by_given_split(
     }
     let camera = args.config.camera(training)?;
     let extractor = Extractor::new(config, camera.clone());
-    let trained_on = data::describe(training, &extractor)?;
+    let trained_on = data::describe_to_train(training, &extractor)?;
     let samples: Vec<&Sample> = trained_on.samples.iter().collect();
     let tests: Vec<Test> = tests
         .into_iter()
         .map(|(name, dataset)| {
             let dataset = dataset.with_camera(camera.projection.kind()).context("the test's camera")?;
-            let described = data::describe(&dataset, &extractor)?;
+            let described = data::describe_to_answer(&dataset, &extractor, &trained_on)?;
             Ok(Test { name, dataset, described })
         })
         .collect::<anyhow::Result<_>>()?;
