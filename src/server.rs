@@ -6,6 +6,7 @@
 //! |---|---|
 //! | `settings` | what an operator may set |
 //! | `listen` | connections, and the graceful stop |
+//! | `places`, `write_timeout` | which connection gives way, and which is given up |
 //! | `observe` | around every request: its id, its log line, its error in one form |
 //! | `routes` | the paths, grouped by who may call them |
 //! | `auth` | keys and roles, checked before a byte of the body is read |
@@ -46,6 +47,7 @@ mod models;
 mod observe;
 mod oip;
 mod openapi;
+mod places;
 mod pool;
 mod problem;
 mod query;
@@ -58,6 +60,7 @@ mod stream;
 mod trace;
 mod upload;
 mod watch;
+mod write_timeout;
 
 pub use asyncapi::stream_document;
 pub use auth::{Key, KeyError, Role};

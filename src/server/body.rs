@@ -8,6 +8,7 @@
 use super::App;
 use super::bodies::Held;
 use super::caller::CallerId;
+use super::places::Line;
 use super::pool::{QueueFull, Whose};
 use super::problem::Problem;
 use super::recognize::RecognizeError;
@@ -191,6 +192,7 @@ async fn receive(app: &App, mut request: Request, limit: usize) -> Result<(Reque
     let body = std::mem::take(request.body_mut());
     let patience = app.settings.body_timeout();
     let held = app.bodies.begin(CallerId::of(request.extensions()))?;
+    let _waits = request.extensions().get::<Arc<Line>>().map(Line::waits);
     let received = timeout(patience, collect(body, limit, held)).await;
     Ok((request, received.map_err(|_| BodyError::Slow(patience))??))
 }

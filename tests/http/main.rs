@@ -4,6 +4,7 @@
 
 mod calls;
 mod command;
+mod fair;
 mod kill;
 mod load;
 mod metrics;

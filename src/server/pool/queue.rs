@@ -19,9 +19,9 @@ const NEWEST_OF_ALL: f64 = 0.1;
 const NEWEST_OF_CALLER: f64 = 0.3;
 /// The part of a mean job by which a caller that comes is behind those who are there. Without it callers that
 /// come under ever new names would hold back those who wait.
-const ENTRY: f64 = 0.125;
+const ENTRY: f64 = 0.25;
 /// The fewest accounts at which idle ones are closed that owe others a little.
-const MIN_ACCOUNTS: usize = 4096;
+const MIN_ACCOUNTS: usize = 1024;
 
 /// Jobs that wait, by caller.
 pub struct FairQueue<J> {

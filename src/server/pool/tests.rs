@@ -118,7 +118,7 @@ async fn a_running_job_hears_that_its_caller_left() {
     let (tell, told) = mpsc::channel();
     let running = pool.run(slot(&pool), move |has_left| {
         while !has_left() {
-            std::thread::yield_now();
+            thread::yield_now();
         }
         let _ = tell.send(());
     });
@@ -174,7 +174,6 @@ async fn a_shadow_waits_until_no_robot_waits() {
         tokio::task::yield_now().await;
     }
     assert_eq!(order.0.lock().unwrap().last(), Some(&"B"));
-    assert_eq!(order.0.lock().unwrap().first(), Some(&"A"));
 }
 
 #[tokio::test]
