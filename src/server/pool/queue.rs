@@ -208,7 +208,9 @@ impl<J> FairQueue<J> {
     fn to_push_out(&self, caller: &CallerId, n_jobs: usize) -> Result<Vec<CallerId>, Refusal> {
         let n_held = self.accounts.get(caller).map_or(0, Account::n_held) + n_jobs;
         if n_held > self.bounds.n_slots_a_caller {
-            return Err(Refusal::Share);
+            // Whose share is all of it need not hear of shares.
+            let has_all = self.bounds.n_slots_a_caller >= self.bounds.n_slots;
+            return Err(if has_all { Refusal::Full } else { Refusal::Share });
         }
         let n_slots_over = (self.n_slots_in_use + n_jobs).saturating_sub(self.bounds.n_slots);
         let n_over = (self.n_slots_in_use + self.n_turns + n_jobs).saturating_sub(self.bounds.n_slots);

@@ -142,7 +142,7 @@ fn a_turn_counts_but_cannot_be_pushed_out() {
     assert_eq!(queue.has_room(&robot("e"), 1), Ok(()), "two turns are more than one frame");
     assert_eq!(queue.has_room(&robot("e"), 2), Err(Refusal::Full));
     assert_eq!(queue.take().map(|taken| queue.finish(taken.charge, None)), Some(()));
-    assert_eq!(queue.has_room(&robot("d"), 3), Err(Refusal::Share));
+    assert_eq!(queue.has_room(&robot("d"), 3), Err(Refusal::Full));
     let mut one_each = FairQueue::new(bounds);
     for stream in ["a", "b", "c", "d"] {
         one_each.push_turn(&robot(stream), 0);
