@@ -10,6 +10,7 @@ mod experiment;
 mod health;
 mod inspect;
 mod key;
+mod limits;
 mod log;
 mod models;
 mod output;

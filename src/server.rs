@@ -6,11 +6,14 @@
 //! |---|---|
 //! | `settings` | what an operator may set |
 //! | `listen` | connections, and the graceful stop |
+//! | `places`, `write_timeout` | which connection gives way, and which is given up |
 //! | `observe` | around every request: its id, its log line, its error in one form |
 //! | `routes` | the paths, grouped by who may call them |
 //! | `auth` | keys and roles, checked before a byte of the body is read |
+//! | `bodies` | the memory for bodies, and who gives way when it is short |
 //! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
 //! | `answers` | the frames of one request, admitted and answered together |
+//! | `caller` | who calls, for what callers share |
 //! | `recognize` | the one path from bytes to an answer |
 //! | `pool` | the threads that recognize, and the bounded queue before them |
 //! | `registry` | the models that serve; see there |
@@ -33,7 +36,9 @@ mod answers;
 mod api;
 mod asyncapi;
 mod auth;
+mod bodies;
 mod body;
+mod caller;
 mod events;
 mod linger;
 mod listen;
@@ -42,6 +47,7 @@ mod models;
 mod observe;
 mod oip;
 mod openapi;
+mod places;
 mod pool;
 mod problem;
 mod query;
@@ -54,6 +60,7 @@ mod stream;
 mod trace;
 mod upload;
 mod watch;
+mod write_timeout;
 
 pub use asyncapi::stream_document;
 pub use auth::{Key, KeyError, Role};
@@ -64,10 +71,12 @@ pub use settings::{LogFormat, Policy, Settings, SettingsError};
 
 use self::metrics::Metrics;
 use crate::repository::Repository;
+use bodies::Bodies;
 use events::Events;
 use observe::RequestIds;
 use pool::Pool;
 use registry::Registry;
+use std::io;
 use std::ops::Deref;
 use std::sync::Arc;
 use stream::Streams;
@@ -87,6 +96,7 @@ pub struct AppState {
     body_memory: Arc<Semaphore>,
     /// One permit for each upload at one time.
     uploads: Semaphore,
+    bodies: Arc<Bodies>,
     request_ids: RequestIds,
     streams: Streams,
     events: Events,
@@ -102,7 +112,7 @@ pub enum StartError {
     Registry(#[from] RegistryError),
     /// No threads.
     #[error("the recognizing threads cannot be started: {0}")]
-    Threads(#[from] rayon::ThreadPoolBuildError),
+    Threads(#[from] io::Error),
     /// No metrics.
     #[error("the metrics cannot be set up: {0}")]
     Metrics(#[from] metrics_exporter_prometheus::BuildError),
@@ -115,11 +125,14 @@ impl App {
         let repository = Repository::open(&location, &settings.models_cache).map_err(RegistryError::from)?;
         let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
         let registry = Registry::open(repository, &settings, (events.clone(), metrics.clone()))?;
+        let body_memory = Arc::new(Semaphore::new(settings.max_buffered_bytes));
+        let bodies = Bodies::new(body_memory.clone(), settings.max_buffered_bytes_a_caller());
         Ok(Self(Arc::new(AppState {
             registry,
-            pool: Pool::new(settings.n_threads(), settings.queue)?,
-            body_memory: Arc::new(Semaphore::new(settings.max_buffered_bytes)),
             uploads: Semaphore::new(settings.max_uploads),
+            pool: Pool::new(settings.pool_size())?,
+            body_memory,
+            bodies: Arc::new(bodies),
             request_ids: RequestIds::new(),
             streams: Streams::new(settings.max_streams),
             events,

@@ -1,5 +1,6 @@
 //! `roomsight serve`: the HTTP service.
 
+use super::limits;
 use super::log;
 use super::output::say;
 use crate::server::{self, App, Settings};
@@ -8,7 +9,12 @@ use clap::Args;
 use std::collections::HashMap;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
+
+/// How many connections may wait to be accepted: a fleet that comes back at once. The system may allow fewer.
+const BACKLOG: u32 = 4096;
+/// The most bytes of answers that the system keeps for a caller who does not read, as far as it can be told.
+const SEND_BUFFER_BYTES: u32 = 256 << 10;
 
 /// Serve models over HTTP
 ///
@@ -57,24 +63,39 @@ pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
         return Ok(());
     }
     let log = log::start(&settings)?;
+    let served = serve(settings);
+    log.end();
+    served
+}
+
+fn serve(settings: Settings) -> anyhow::Result<()> {
+    limits::raise_open_files(&settings);
     let address = permitted_address(&settings)?;
     let app = App::start(settings)?;
     let runtime = tokio::runtime::Runtime::new()?;
     let served = runtime.block_on(async {
-        let listener = listen(address).await?;
+        limits::survive_large_files();
+        let listener = listen(address)?;
         tracing::info!("listening on http://{0}, documentation at http://{0}/docs", listener.local_addr()?);
         server::serve(app, listener, stop_signal()).await.context("the service failed")
     });
     // A model that is still being loaded is not waited for.
     runtime.shutdown_background();
-    log.end();
     served
 }
 
 /// Takes an address.
-pub(super) async fn listen(address: SocketAddr) -> anyhow::Result<TcpListener> {
-    let taken = || format!("cannot listen on {address}; choose another address with --listen");
-    TcpListener::bind(address).await.with_context(taken)
+pub(super) fn listen(address: SocketAddr) -> anyhow::Result<TcpListener> {
+    let listening = || {
+        let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+        // A service that starts again need not wait for connections of the one before.
+        #[cfg(unix)]
+        socket.set_reuseaddr(true)?;
+        socket.set_send_buffer_size(SEND_BUFFER_BYTES)?;
+        socket.bind(address)?;
+        socket.listen(BACKLOG)
+    };
+    listening().with_context(|| format!("cannot listen on {address}; choose another address with --listen"))
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {

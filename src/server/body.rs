@@ -2,11 +2,16 @@
 //!
 //! A body is read without a slot in the queue, so that slow senders hold no thread's next job back:
 //! a full queue is noticed before the first byte is read, and the slot is taken when the frame is
-//! whole. What slow senders can hold is memory, which is bounded for all bodies together.
+//! whole. What slow senders can hold is memory, which is bounded for all bodies together and for each
+//! caller, see [`Bodies`](super::bodies::Bodies).
 
 use super::App;
-use super::pool::QueueFull;
+use super::bodies::Held;
+use super::caller::CallerId;
+use super::places::Line;
+use super::pool::{QueueFull, Whose};
 use super::problem::Problem;
+use super::recognize::RecognizeError;
 use crate::protocol::rest::FrameJson;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{FromRequest, Multipart, Request};
@@ -18,14 +23,17 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::runtime::Handle;
+use tokio::sync::Semaphore;
 use tokio::time::timeout;
 
 /// Bytes of a form or of JSON beside the frame, or of JSON without one.
 const ENVELOPE_BYTES: usize = 16 << 10;
 /// The most that is allocated because a caller said how long a body will be.
 const MAX_TRUSTED_BYTES: usize = 256 << 10;
-/// When to come back where no memory for bodies is left.
+/// The longest body that is taken apart on the thread that received it, which takes well below a millisecond.
+const MAX_BYTES_AT_ONCE: usize = 256 << 10;
+/// When to come back where no memory for frames is left.
 const MEMORY_WAIT: Duration = Duration::from_secs(1);
 /// The field of a form that holds a frame.
 const FIELD: &str = "frame";
@@ -34,7 +42,8 @@ const FIELD: &str = "frame";
 pub struct Frame {
     /// The encoded image.
     pub bytes: Bytes,
-    held: Arc<OwnedSemaphorePermit>,
+    /// Gives the memory back when it is dropped.
+    held: Arc<dyn Send + Sync>,
 }
 
 impl Frame {
@@ -43,8 +52,10 @@ impl Frame {
     /// # Errors
     /// None is left.
     pub fn hold(bytes: Bytes, memory: &Arc<Semaphore>) -> Result<Self, BodyError> {
-        let held = Arc::new(take(memory, bytes.len())?);
-        Ok(Self { bytes, held })
+        let full = BodyError::NoMemory(QueueFull { whose: Whose::All, retry_after: MEMORY_WAIT });
+        let Ok(n_bytes) = u32::try_from(bytes.len()) else { return Err(full) };
+        let held = memory.clone().try_acquire_many_owned(n_bytes).map_err(|_| full)?;
+        Ok(Self { bytes, held: Arc::new(held) })
     }
 
     /// Bytes that are a part of these, or were decoded from them: they share their memory.
@@ -89,8 +100,10 @@ pub enum BodyError {
     /// The connection broke.
     #[error("the body broke off: {0}")]
     Broken(String),
-    /// All memory for bodies is in use.
-    #[error("too many bodies are being received; try again after the time in Retry-After")]
+    /// All memory for bodies is in use, or the caller's share of it.
+    #[error(
+        "too many bytes are being received, from this caller or from all; try again after the time in Retry-After"
+    )]
     NoMemory(QueueFull),
 }
 
@@ -118,8 +131,12 @@ impl FromRequest<App> for OneFrame {
         let (request, body) = read(app, request, limit).await?;
         let frame = match media_type {
             MediaType::Image => body,
-            MediaType::Form => only(form_frames(request, body, 2).await?)?,
-            MediaType::Json => Frame { bytes: json_frame(&body.bytes)?, ..body },
+            MediaType::Form => only(form_frames(app, request, body, 2).await?)?,
+            MediaType::Json => {
+                let n_bytes = body.bytes.len();
+                let read = move || Ok::<_, BodyError>(body.part(json_frame(&body.bytes)?));
+                take_apart(app, &CallerId::of(request.extensions()), n_bytes, read).await??
+            }
         };
         if frame.bytes.len() > max_bytes {
             return Err(BodyError::TooLarge { limit: max_bytes }.into());
@@ -139,7 +156,7 @@ impl FromRequest<App> for Frames {
         }
         let max_frames = app.settings.max_batch_frames;
         let (request, body) = read(app, request, app.settings.max_batch_bytes).await?;
-        let frames = form_frames(request, body, max_frames + 1).await?;
+        let frames = form_frames(app, request, body, max_frames + 1).await?;
         match frames.len() {
             0 => Err(BodyError::Empty.into()),
             n if n > max_frames => Err(BodyError::TooManyFrames(max_frames).into()),
@@ -156,7 +173,7 @@ pub async fn read(app: &App, request: Request, limit: usize) -> Result<(Request,
     if app.is_draining() {
         return Err(Problem::Draining);
     }
-    app.pool.has_room()?;
+    app.pool.has_room(&CallerId::of(request.extensions()))?;
     let (request, frame) = receive(app, request, limit).await?;
     if frame.bytes.is_empty() { Err(BodyError::Empty.into()) } else { Ok((request, frame)) }
 }
@@ -174,7 +191,9 @@ async fn receive(app: &App, mut request: Request, limit: usize) -> Result<(Reque
     }
     let body = std::mem::take(request.body_mut());
     let patience = app.settings.body_timeout();
-    let received = timeout(patience, collect(body, limit, &app.body_memory)).await;
+    let held = app.bodies.begin(CallerId::of(request.extensions()))?;
+    let _waits = request.extensions().get::<Arc<Line>>().map(Line::waits);
+    let received = timeout(patience, collect(body, limit, held)).await;
     Ok((request, received.map_err(|_| BodyError::Slow(patience))??))
 }
 
@@ -183,20 +202,24 @@ fn declared(body: &Body) -> usize {
     usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX)
 }
 
-/// Reads a body of at most `limit` bytes, each byte of which is taken from `memory` as it comes.
-async fn collect(mut body: Body, limit: usize, memory: &Arc<Semaphore>) -> Result<Frame, BodyError> {
+/// Reads a body of at most `limit` bytes, the memory for which is taken as they come.
+async fn collect(mut body: Body, limit: usize, mut held: Held) -> Result<Frame, BodyError> {
     let declared = declared(&body);
-    let mut held = take(memory, 0)?;
     // A body that comes in one piece is not copied.
     let mut whole = Bytes::new();
     let mut pieces = Vec::new();
-    while let Some(piece) = body.frame().await {
+    loop {
+        let piece = tokio::select! {
+            piece = body.frame() => piece,
+            gave_way = held.gives_way() => return Err(gave_way),
+        };
+        let Some(piece) = piece else { break };
         let piece = piece.map_err(|error| BodyError::Broken(error.to_string()))?;
         let Ok(piece) = piece.into_data() else { continue };
-        if held.num_permits() + piece.len() > limit {
+        if held.n_bytes() + piece.len() > limit {
             return Err(BodyError::TooLarge { limit });
         }
-        held.merge(take(memory, piece.len())?);
+        held.take(piece.len(), declared).await?;
         if whole.is_empty() && pieces.is_empty() {
             whole = piece;
         } else {
@@ -207,14 +230,24 @@ async fn collect(mut body: Body, limit: usize, memory: &Arc<Semaphore>) -> Resul
             pieces.extend_from_slice(&piece);
         }
     }
+    held.complete();
     let bytes = if pieces.is_empty() { whole } else { Bytes::from(pieces) };
     Ok(Frame { bytes, held: Arc::new(held) })
 }
 
-fn take(memory: &Arc<Semaphore>, n_bytes: usize) -> Result<OwnedSemaphorePermit, BodyError> {
-    let full = BodyError::NoMemory(QueueFull { retry_after: MEMORY_WAIT });
-    let Ok(n_bytes) = u32::try_from(n_bytes) else { return Err(full) };
-    memory.clone().try_acquire_many_owned(n_bytes).map_err(|_| full)
+/// Takes a body of `n_bytes` apart: a long one as its caller's work, on a thread that recognizes, so that those
+/// that serve sockets go on.
+pub async fn take_apart<T: Send + 'static>(
+    app: &App,
+    caller: &CallerId,
+    n_bytes: usize,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Problem> {
+    if n_bytes <= MAX_BYTES_AT_ONCE {
+        return Ok(work());
+    }
+    let slot = app.pool.admit_one(caller)?;
+    Ok(app.pool.run(slot, |_| work()).await.map_err(RecognizeError::from)?)
 }
 
 fn content_type(headers: &HeaderMap) -> &str {
@@ -237,7 +270,24 @@ fn media_type(headers: &HeaderMap, types: &'static str) -> Result<MediaType, Bod
 }
 
 /// The frames of a form in the order sent, at most `max_frames` of them.
-async fn form_frames(request: Request, body: Frame, max_frames: usize) -> Result<Vec<Frame>, BodyError> {
+async fn form_frames(
+    app: &App,
+    request: Request,
+    body: Frame,
+    max_frames: usize,
+) -> Result<Vec<Frame>, Problem> {
+    let caller = CallerId::of(request.extensions());
+    let n_bytes = body.bytes.len();
+    let frames = fields(request, body, max_frames);
+    if n_bytes <= MAX_BYTES_AT_ONCE {
+        return Ok(frames.await?);
+    }
+    // All of it is here already, so that the thread is never idle.
+    let runtime = Handle::current();
+    Ok(take_apart(app, &caller, n_bytes, move || runtime.block_on(frames)).await??)
+}
+
+async fn fields(request: Request, body: Frame, max_frames: usize) -> Result<Vec<Frame>, BodyError> {
     let malformed = |error: String| BodyError::Malformed(format!("the form cannot be read: {error}"));
     let request = request.map(|_| Body::from(body.bytes));
     let mut form =

@@ -1,12 +1,15 @@
 //! Connections: how many, how long, and how they end.
 
 use super::App;
+use super::caller::CallerId;
+use super::places::{Place, Places};
 use super::routes::router;
 use super::watch::watch;
-use hyper::Request;
+use super::write_timeout::WriteTimeout;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
+use hyper::{Request, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use std::convert::Infallible;
@@ -14,9 +17,10 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::watch;
 use tokio::task::JoinSet;
 
 /// The most that is read ahead on one connection, and so the longest head of a request. What is no HTTP
@@ -35,8 +39,9 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
     let (stop, stopped) = watch::channel(false);
     let acceptor = Acceptor {
         service: TowerToHyperService::new(router(app.clone())),
-        permits: Arc::new(Semaphore::new(app.settings.max_connections)),
+        places: Arc::new(Places::new(app.settings.max_connections)),
         header_timeout: app.settings.header_timeout(),
+        write_timeout: app.settings.write_timeout(),
         listener,
         stopped,
     };
@@ -77,8 +82,9 @@ enum Life {
 struct Acceptor {
     listener: TcpListener,
     service: TowerToHyperService<axum::Router>,
-    permits: Arc<Semaphore>,
+    places: Arc<Places>,
     header_timeout: Duration,
+    write_timeout: Duration,
     stopped: watch::Receiver<bool>,
 }
 
@@ -86,21 +92,25 @@ impl Acceptor {
     /// Accepts connections into `connections`, for ever.
     async fn run(&self, connections: &mut JoinSet<()>, life: Life) -> Infallible {
         loop {
-            tokio::select! {
-                Some((stream, peer, permit)) = self.accept() => {
-                    connections.spawn(self.connection(stream, peer, permit, life));
+            let (stream, peer) = tokio::select! {
+                accepted = self.accept() => accepted,
+                Some(_) = connections.join_next() => continue,
+            };
+            let place = loop {
+                tokio::select! {
+                    place = self.places.take(CallerId::at(peer.0.ip())) => break place,
+                    Some(_) = connections.join_next() => {}
                 }
-                Some(_) = connections.join_next() => {}
-            }
+            };
+            connections.spawn(self.connection(stream, peer, place, life));
         }
     }
 
-    /// The next connection, once fewer than the most are open.
-    async fn accept(&self) -> Option<(TcpStream, Peer, OwnedSemaphorePermit)> {
-        let permit = self.permits.clone().acquire_owned().await.ok()?;
+    /// The next connection.
+    async fn accept(&self) -> (TcpStream, Peer) {
         loop {
             match self.listener.accept().await {
-                Ok((stream, address)) => return Some((stream, Peer(address), permit)),
+                Ok((stream, address)) => return (stream, Peer(address)),
                 Err(error) => {
                     tracing::warn!(%error, "a connection could not be accepted");
                     tokio::time::sleep(ACCEPT_PAUSE).await;
@@ -113,7 +123,7 @@ impl Acceptor {
         &self,
         stream: TcpStream,
         peer: Peer,
-        permit: OwnedSemaphorePermit,
+        place: Place,
         life: Life,
     ) -> impl Future<Output = ()> + Send + use<> {
         // An answer is one small write: waiting to fill a packet would only delay it.
@@ -121,9 +131,23 @@ impl Acceptor {
             tracing::debug!(%error, "TCP_NODELAY could not be set");
         }
         let router = self.service.clone();
+        let stream = WriteTimeout::new(stream, self.write_timeout);
+        let (line, no_write_timeout) = (place.line().clone(), stream.switch());
         let service = service_fn(move |mut request: Request<Incoming>| {
             request.extensions_mut().insert(peer);
-            router.call(request)
+            request.extensions_mut().insert(line.clone());
+            let works = line.works();
+            let answer = router.call(request);
+            let no_write_timeout = no_write_timeout.clone();
+            async move {
+                let _works = works;
+                let answer = answer.await?;
+                if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
+                    // A stream has a time-out of its own.
+                    no_write_timeout.store(true, Ordering::Relaxed);
+                }
+                Ok::<_, Infallible>(answer)
+            }
         });
         let connection = http1::Builder::new()
             .timer(TokioTimer::new())
@@ -134,7 +158,7 @@ impl Acceptor {
             .with_upgrades();
         let stopped = self.stopped.clone();
         async move {
-            let _permit = permit;
+            let line = place.line().clone();
             let mut connection = pin!(connection);
             let result = tokio::select! {
                 result = connection.as_mut() => result,
@@ -142,7 +166,15 @@ impl Acceptor {
                     connection.as_mut().graceful_shutdown();
                     connection.await
                 }
+                () = line.gives_way() => {
+                    connection.as_mut().graceful_shutdown();
+                    tokio::select! {
+                        result = connection => result,
+                        () = line.is_given_up() => return tracing::debug!("a connection gave way to another"),
+                    }
+                }
             };
+            drop(place);
             if let Err(error) = result {
                 tracing::debug!(%error, "a connection ended early");
             }

@@ -376,9 +376,11 @@ impl Problem {
 
     fn retry_after(&self) -> Option<Duration> {
         match self {
-            Self::Busy(QueueFull { retry_after })
-            | Self::Body(BodyError::NoMemory(QueueFull { retry_after })) => Some(*retry_after),
             Self::Upload(UploadError::TooMany { .. }) => Some(UPLOAD_WAIT),
+            Self::Busy(QueueFull { retry_after, .. })
+            | Self::Recognize(RecognizeError::PushedOut(QueueFull { retry_after, .. }))
+            | Self::Body(BodyError::NoMemory(QueueFull { retry_after, .. })) => Some(*retry_after),
+            Self::Frame { cause, .. } => cause.retry_after(),
             _ => None,
         }
     }
@@ -424,6 +426,7 @@ impl From<&RecognizeError> for Kind {
             RecognizeError::Image(ImageError::TooLarge(_)) => K::TooLarge,
             RecognizeError::Image(_) => K::NotAnImage,
             RecognizeError::DeadlinePassed => K::DeadlinePassed,
+            RecognizeError::PushedOut(_) => K::QueueFull,
             RecognizeError::CallerLeft | RecognizeError::Panicked(_) => K::Internal,
         }
     }
@@ -441,7 +444,7 @@ impl IntoResponse for Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::server::pool::Panicked;
+    use crate::server::pool::{Panicked, Whose};
 
     #[test]
     fn kinds_are_listed_once_with_names_of_their_own() {
@@ -461,7 +464,8 @@ mod tests {
     #[test]
     fn a_wait_below_a_second_is_told_as_one() {
         for (milliseconds, told) in [(0, "1"), (20, "1"), (1001, "2"), (5000, "5")] {
-            let problem = Problem::from(QueueFull { retry_after: Duration::from_millis(milliseconds) });
+            let retry_after = Duration::from_millis(milliseconds);
+            let problem = Problem::from(QueueFull { whose: Whose::All, retry_after });
             let response = problem.render(Response::default(), "id", ErrorForm::Problem);
             assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
             assert_eq!(response.headers()[header::RETRY_AFTER], told);

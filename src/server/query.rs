@@ -2,6 +2,7 @@
 
 use super::App;
 use super::auth::KeyName;
+use super::caller::CallerId;
 use super::metrics::Transport;
 use super::observe::RequestContext;
 use super::problem::Problem;
@@ -23,6 +24,8 @@ pub struct Asked {
     pub context: RequestContext,
     /// What to do with each frame.
     pub task: Task,
+    /// Whose share of the threads and of the queue it takes.
+    pub caller: CallerId,
 }
 
 impl FromRequestParts<App> for Asked {
@@ -32,7 +35,10 @@ impl FromRequestParts<App> for Asked {
         let Query(query) = Query::<RecognizeQuery>::try_from_uri(&parts.uri)
             .map_err(|error| Problem::Query(error.body_text()))?;
         let caller = Caller::of(&parts.extensions, Transport::Rest)?;
-        Self::new(app, query, caller)
+        let asked = Self::new(app, query, caller)?;
+        // The body that follows is received in the same one's share.
+        parts.extensions.insert(asked.caller.clone());
+        Ok(asked)
     }
 }
 
@@ -41,6 +47,7 @@ pub struct Caller {
     context: RequestContext,
     /// The name of its key, where it has one.
     key: Option<KeyName>,
+    id: CallerId,
     transport: Transport,
 }
 
@@ -52,7 +59,8 @@ impl Caller {
     pub fn of(extensions: &Extensions, transport: Transport) -> Result<Self, Problem> {
         let context = extensions.get::<RequestContext>().cloned();
         let context = context.ok_or(Problem::Framework(StatusCode::INTERNAL_SERVER_ERROR))?;
-        Ok(Self { context, key: extensions.get::<KeyName>().cloned(), transport })
+        let key = extensions.get::<KeyName>().cloned();
+        Ok(Self { context, key, id: CallerId::of(extensions), transport })
     }
 }
 
@@ -78,7 +86,8 @@ impl Asked {
             explain: query.explain,
             transport: caller.transport,
         };
-        Ok(Self { query, context: caller.context, task })
+        let id = caller.id.with_robot(query.robot.as_deref());
+        Ok(Self { query, context: caller.context, task, caller: id })
     }
 }
 

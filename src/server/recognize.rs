@@ -3,7 +3,7 @@
 use super::App;
 use super::body::Frame;
 use super::metrics::{FrameOutcome, Transport};
-use super::pool::{Panicked, Slot};
+use super::pool::{Panicked, QueueFull, Slot, Undone};
 use super::registry::{Place, ServedModel, distance};
 use crate::image::{Image, ImageError};
 use crate::model::{Evidence, Recognition, Scratch};
@@ -65,9 +65,21 @@ pub enum RecognizeError {
     /// Nobody waits for the answer.
     #[error("the caller left")]
     CallerLeft,
+    /// It gave its place in the queue to a caller with fewer frames in it.
+    #[error(transparent)]
+    PushedOut(#[from] QueueFull),
     /// A defect of ours.
     #[error(transparent)]
     Panicked(#[from] Panicked),
+}
+
+impl From<Undone> for RecognizeError {
+    fn from(undone: Undone) -> Self {
+        match undone {
+            Undone::PushedOut(full) => full.into(),
+            Undone::Panicked(panicked) => panicked.into(),
+        }
+    }
 }
 
 /// Queues one frame in the slot it was admitted with; the future waits for what is seen in it. A
@@ -110,7 +122,7 @@ pub fn recognize(
         let result = if is_late {
             Err(RecognizeError::DeadlinePassed)
         } else {
-            answer.await.unwrap_or_else(|panicked| Err(panicked.into()))
+            answer.await.unwrap_or_else(|undone| Err(undone.into()))
         };
         end.set(FrameOutcome::from(&result));
         result
@@ -157,7 +169,7 @@ pub fn look(
     seen.timings.decode = decode;
     if let Some(place) = app.registry.place_in_shadow(&seen.served) {
         let (served, recognition) = (seen.served.clone(), seen.recognition.clone());
-        app.pool.queue(move || compare(place, &image, (&served, &recognition)));
+        app.pool.queue_shadow(move || compare(place, &image, (&served, &recognition)));
     }
     Ok(seen)
 }

@@ -1,6 +1,7 @@
 //! What an operator may set: defaults, then a file, then the environment, then flags.
 
 use super::auth::Key;
+use super::pool::Size;
 use crate::image;
 use crate::model::MAX_MODEL_BYTES;
 use config::{Config, Environment, File, FileFormat};
@@ -41,6 +42,9 @@ pub struct Settings {
     pub threads: usize,
     /// Frames that may wait for a thread.
     pub queue: usize,
+    /// The share of the queue and of the bytes of bodies that one caller may hold, above 0 and up to 1. A
+    /// batch and the longest body always fit.
+    pub caller_share: f64,
     /// The longest encoded frame, in bytes.
     pub max_frame_bytes: usize,
     /// The longest side of a frame, in pixels.
@@ -61,6 +65,8 @@ pub struct Settings {
     pub header_timeout_ms: u64,
     /// How long a caller may take to send a body, in milliseconds.
     pub body_timeout_ms: u64,
+    /// How long nothing of an answer may be taken by a caller before its connection is ended, in milliseconds.
+    pub write_timeout_ms: u64,
     /// How long accepted requests may take to finish after a stop, in milliseconds.
     pub drain_timeout_ms: u64,
     /// The most streams at one time.
@@ -141,6 +147,7 @@ impl Default for Settings {
             allow_anonymous: false,
             threads: 0,
             queue: 64,
+            caller_share: 0.5,
             max_frame_bytes: frame.max_bytes,
             max_frame_side: frame.max_side,
             max_frame_pixels: frame.max_pixels,
@@ -151,6 +158,7 @@ impl Default for Settings {
             max_connections: 1024,
             header_timeout_ms: 30_000,
             body_timeout_ms: 10_000,
+            write_timeout_ms: 5_000,
             drain_timeout_ms: 10_000,
             max_streams: 1024,
             stream_window: 16,
@@ -206,6 +214,27 @@ impl Settings {
         }
     }
 
+    /// The threads that recognize, and what may wait for them.
+    pub fn pool_size(&self) -> Size {
+        let n_of_share = (self.queue as f64 * self.caller_share).ceil() as usize;
+        Size {
+            n_threads: self.n_threads(),
+            n_waiting: self.queue,
+            n_waiting_a_caller: n_of_share.max(self.max_batch_frames).min(self.queue),
+        }
+    }
+
+    /// The longest body.
+    fn largest_body(&self) -> usize {
+        self.max_frame_bytes.max(self.max_batch_bytes)
+    }
+
+    /// The most bytes of bodies that one caller may hold.
+    pub fn max_buffered_bytes_a_caller(&self) -> usize {
+        let n_of_share = (self.max_buffered_bytes as f64 * self.caller_share) as usize;
+        n_of_share.max(self.largest_body())
+    }
+
     /// What decoding a frame is limited to.
     pub fn frame_limits(&self) -> image::Limits {
         image::Limits {
@@ -229,6 +258,11 @@ impl Settings {
     /// [`Settings::body_timeout_ms`] as a duration.
     pub fn body_timeout(&self) -> Duration {
         Duration::from_millis(self.body_timeout_ms)
+    }
+
+    /// [`Settings::write_timeout_ms`] as a duration.
+    pub fn write_timeout(&self) -> Duration {
+        Duration::from_millis(self.write_timeout_ms)
     }
 
     /// [`Settings::drain_timeout_ms`] as a duration.
@@ -258,7 +292,7 @@ impl Settings {
 
     fn check(&self) -> Result<(), SettingsError> {
         let n_slots = self.n_threads() + self.queue;
-        let largest_body = self.max_frame_bytes.max(self.max_batch_bytes);
+        let largest_body = self.largest_body();
         let wrong = |name, reason: String| Err(SettingsError::Wrong { name, reason });
         if self.threads > 1024 {
             return wrong("threads", "more than 1024 threads; 0 means one a core".into());
@@ -268,6 +302,12 @@ impl Settings {
         }
         if self.queue > 1_000_000 {
             return wrong("queue", "it must be at most 1000000".into());
+        }
+        if !(self.caller_share > 0.0 && self.caller_share <= 1.0) {
+            return wrong("caller_share", "it must be above 0 and at most 1, as 0.5 for one half".into());
+        }
+        if self.write_timeout_ms == 0 {
+            return wrong("write_timeout_ms", "it must be at least 1; 5000 suits slow networks too".into());
         }
         if self.max_batch_frames == 0 || self.max_batch_frames > n_slots {
             return wrong(
@@ -415,6 +455,9 @@ mod tests {
             ("max_batch_frames", "0"),
             ("max_buffered_bytes", "10"),
             ("queue", "many"),
+            ("caller_share", "0"),
+            ("caller_share", "1.5"),
+            ("write_timeout_ms", "0"),
             ("keys", "robot:wall-e:short"),
             ("log_format", "xml"),
             ("otlp_endpoint", "https://collector:4318"),

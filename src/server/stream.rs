@@ -23,6 +23,7 @@ mod turn;
 
 use super::App;
 use super::auth::{AuthError, KeyName, subprotocols};
+use super::caller::CallerId;
 use super::openapi::StreamProblems;
 use super::problem::Problem;
 use super::robots::Record;
@@ -65,6 +66,7 @@ struct Arrival {
 
 /// A robot at the door.
 struct Caller {
+    id: CallerId,
     key: Option<KeyName>,
     query: StreamQuery,
     settings: StreamSettings,
@@ -136,13 +138,14 @@ pub async fn connect(
     if let Some(protocol) = spoken(request.headers())? {
         response.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, protocol);
     }
-    let caller = Caller { key, query, settings };
+    let id = CallerId::of(request.extensions());
+    let caller = Caller { id, key, query, settings };
     app.streams.spawn(welcome(app.clone(), upgrade, caller));
     Ok(response)
 }
 
 /// Hands the connection to the stream it resumes, or begins a stream.
-async fn welcome(app: App, upgrade: OnUpgrade, Caller { key, query, settings }: Caller) {
+async fn welcome(app: App, upgrade: OnUpgrade, Caller { id: caller, key, query, settings }: Caller) {
     let upgraded = match upgrade.await {
         Ok(upgraded) => upgraded,
         Err(error) => return tracing::debug!(%error, "a connection did not become a stream"),
@@ -162,7 +165,7 @@ async fn welcome(app: App, upgrade: OnUpgrade, Caller { key, query, settings }: 
         return arrival.socket.close(Close::TooMany).await;
     };
     let record = Arc::new(Record::new(id.clone()));
-    let session = match Session::new(app.clone(), id.clone(), settings, record.clone()) {
+    let session = match Session::new(app.clone(), id.clone(), caller, settings, record.clone()) {
         Ok(session) => session,
         Err(problem) => return tracing::warn!(%problem, "a stream has no model"),
     };

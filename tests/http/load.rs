@@ -19,6 +19,7 @@ pub async fn one_thread(queue: usize) -> Server {
     Server::start(Settings {
         threads: 1,
         queue,
+        caller_share: 1.0,
         max_batch_frames: 1,
         drain_timeout_ms: 60_000,
         ..Settings::default()

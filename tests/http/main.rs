@@ -5,6 +5,7 @@
 mod calls;
 mod command;
 mod default_model;
+mod fair;
 mod kill;
 mod load;
 mod metrics;

@@ -18,6 +18,7 @@ use crate::protocol::stream::{
 };
 use crate::server::App;
 use crate::server::body::{BodyError, Frame};
+use crate::server::caller::CallerId;
 use crate::server::metrics::{FrameOutcome, Transport};
 use crate::server::problem::Problem;
 use crate::server::registry::Choice;
@@ -40,6 +41,8 @@ const MAX_TEXT_BYTES: usize = 16 << 10;
 pub struct Session {
     app: App,
     id: String,
+    /// Who opened it, without the name of a robot.
+    caller: CallerId,
     settings: StreamSettings,
     /// The number of the next frame that brings none.
     next_seq: u64,
@@ -91,7 +94,13 @@ impl Session {
     ///
     /// # Errors
     /// No model serves.
-    pub fn new(app: App, id: String, settings: StreamSettings, record: Arc<Record>) -> Result<Self, Problem> {
+    pub fn new(
+        app: App,
+        id: String,
+        caller: CallerId,
+        settings: StreamSettings,
+        record: Arc<Record>,
+    ) -> Result<Self, Problem> {
         let served =
             app.registry.choose(Some(&settings.model), &Choice::Serving, Some(robot(&settings, &id)))?;
         let (newsroom, news) = mpsc::unbounded_channel();
@@ -99,6 +108,7 @@ impl Session {
         Ok(Self {
             teller: Teller::new(id.clone(), &served),
             id,
+            caller,
             settings,
             next_seq: 0,
             next_look: Instant::now(),
@@ -324,7 +334,8 @@ impl Session {
             newsroom: self.newsroom.clone(),
         };
         let span = tracing::Span::current();
-        self.app.pool.queue(move || span.in_scope(|| turn.run()));
+        let caller = self.caller.clone().with_robot(self.settings.robot.as_deref());
+        self.app.pool.queue(&caller, move || span.in_scope(|| turn.run()));
     }
 
     /// What follows from what a thread tells.
