@@ -113,12 +113,13 @@ impl App {
         let repository = Repository::open(&location, &settings.models_cache).map_err(RegistryError::from)?;
         let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
         let registry = Registry::open(repository, &settings, (events.clone(), metrics.clone()))?;
+        let body_memory = Arc::new(Semaphore::new(settings.max_buffered_bytes));
         Ok(Self(Arc::new(AppState {
             registry,
             pool: Pool::new(settings.n_threads(), settings.queue)?,
-            body_memory: Arc::new(Semaphore::new(settings.max_buffered_bytes)),
+            streams: Streams::new(&settings, body_memory.clone()),
+            body_memory,
             request_ids: RequestIds::new(),
-            streams: Streams::new(settings.max_streams),
             events,
             metrics,
             stopping: CancellationToken::new(),

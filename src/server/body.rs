@@ -38,13 +38,9 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Takes the memory for bytes that are here already.
-    ///
-    /// # Errors
-    /// None is left.
-    pub fn hold(bytes: Bytes, memory: &Arc<Semaphore>) -> Result<Self, BodyError> {
-        let held = Arc::new(take(memory, bytes.len())?);
-        Ok(Self { bytes, held })
+    /// Bytes whose memory is `held`.
+    pub fn new(bytes: Bytes, held: OwnedSemaphorePermit) -> Self {
+        Self { bytes, held: Arc::new(held) }
     }
 
     /// Bytes that are a part of these, or were decoded from them: they share their memory.
