@@ -121,7 +121,13 @@ pub fn result(seq: u64, room: &str) -> ServerMessage {
         captured_at: None,
         evidence: None,
     };
-    ServerMessage::Result(Box::new(StreamResult { seq, answer, filtered: None, age_ms: Some(1.0), notice: None }))
+    ServerMessage::Result(Box::new(StreamResult {
+        seq,
+        answer,
+        filtered: None,
+        age_ms: Some(1.0),
+        notice: None,
+    }))
 }
 
 fn model() -> ModelName {

@@ -307,7 +307,10 @@ impl Settings {
             return wrong("max_stream_bytes", "it must be at least 1: then a stream holds one frame".into());
         }
         if self.max_streams_per_caller > self.max_streams {
-            return wrong("max_streams_per_caller", "it must be at most `max_streams`; 0 means half of it".into());
+            return wrong(
+                "max_streams_per_caller",
+                "it must be at most `max_streams`; 0 means half of it".into(),
+            );
         }
         if self.stream_message_timeout_ms == 0 {
             return wrong("stream_message_timeout_ms", "it must be at least 1; 120000 is two minutes".into());

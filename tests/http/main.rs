@@ -13,5 +13,7 @@ mod replay;
 mod robot;
 mod service;
 mod stream;
+mod stream_pressure;
 mod stream_property;
+mod stream_resume;
 mod trace;

@@ -355,8 +355,10 @@ mod tests {
         for lossless in [false, true] {
             let mut line = line();
             line.send(0x82, 90_000, &[5; 60_000]).await;
+            let before = Instant::now();
             line.nothing(lossless).await;
             assert_eq!(line.memory.available_permits(), 4 * MAX_BYTES - 60_000);
+            assert!(line.inbox.heard() >= before, "they are a sign of life");
             line.theirs.write_all(&[5; 30_000]).await.unwrap();
             let Incoming::Frame(received) = line.receive(lossless).await else { panic!("no frame") };
             assert_eq!((received.n_bytes, received.head), (90_000, vec![5; Header::BYTES]));

@@ -15,7 +15,8 @@ use super::{Arrival, Streams};
 use crate::protocol::event::Event;
 use crate::protocol::header::{Header, MAX_SEQ};
 use crate::protocol::stream::{
-    ClientMessage, Configure, DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits, StreamSettings,
+    ClientMessage, Configure, DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits,
+    StreamSettings,
 };
 use crate::server::App;
 use crate::server::body::BodyError;

@@ -71,8 +71,12 @@ impl Close {
             Self::Broken(Broken::NotUtf8) => {
                 (CloseCode::Invalid, "the text is no UTF-8; frames are binary messages")
             }
-            Self::Slow => (CloseCode::Policy, "the message was not complete in time; resume and send smaller ones"),
-            Self::Stalled => (CloseCode::Again, "the message stood still while others waited; resume the stream"),
+            Self::Slow => {
+                (CloseCode::Policy, "the message was not complete in time; resume and send smaller ones")
+            }
+            Self::Stalled => {
+                (CloseCode::Again, "the message stood still while others waited; resume the stream")
+            }
             Self::Full => (CloseCode::Again, "too many streams; try again later"),
             Self::Share => (CloseCode::Again, "you have as many streams as one caller may have; close one"),
             Self::GivenUp => (CloseCode::Again, "the stream gave its place to another; begin a new one"),

@@ -151,7 +151,11 @@ impl Teller {
             at,
         });
         belief.at = at;
-        belief.filter.update(model.transitions(), elapsed.time.as_secs_f64(), &seen.recognition.probabilities);
+        belief.filter.update(
+            model.transitions(),
+            elapsed.time.as_secs_f64(),
+            &seen.recognition.probabilities,
+        );
         let place_idx = belief.filter.place_idx();
         let told = Filtered {
             room: model.places()[place_idx].clone(),

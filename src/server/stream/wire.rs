@@ -114,7 +114,8 @@ impl Decoder {
         let n_parsed = cursor.position() as usize;
         let Some((header, n_bytes)) = parsed else { return Ok(Begun::Nothing) };
         self.arrived.advance(n_parsed);
-        let FrameHeader { is_final, opcode, rsv1: false, rsv2: false, rsv3: false, mask: Some(mask) } = header
+        let FrameHeader { is_final, opcode, rsv1: false, rsv2: false, rsv3: false, mask: Some(mask) } =
+            header
         else {
             return Err(Broken::Protocol);
         };
@@ -127,7 +128,9 @@ impl Decoder {
                 self.message = Some(n_before + self.checked(n_bytes, n_before)?);
                 Begun::Frame
             }
-            (OpCode::Data(Data::Continue), None) | (OpCode::Data(_), Some(_)) => return Err(Broken::Protocol),
+            (OpCode::Data(Data::Continue), None) | (OpCode::Data(_), Some(_)) => {
+                return Err(Broken::Protocol);
+            }
             (OpCode::Data(data), None) => {
                 let n_bytes = self.checked(n_bytes, 0)?;
                 self.message = Some(n_bytes);
