@@ -121,7 +121,13 @@ pub fn result(seq: u64, room: &str) -> ServerMessage {
         captured_at: None,
         evidence: None,
     };
-    ServerMessage::Result(Box::new(StreamResult { seq, answer, filtered: None, age_ms: Some(1.0) }))
+    ServerMessage::Result(Box::new(StreamResult {
+        seq,
+        answer,
+        filtered: None,
+        age_ms: Some(1.0),
+        notice: None,
+    }))
 }
 
 fn model() -> ModelName {
@@ -132,6 +138,7 @@ fn hello() -> Hello {
     Hello {
         protocol: SUBPROTOCOL.into(),
         session: "fake".into(),
+        stream: "known as fake".into(),
         resumed: false,
         next_seq: 0,
         settings: StreamSettings {
@@ -148,6 +155,7 @@ fn hello() -> Hello {
             max_frame_pixels: 1 << 20,
             window: 8,
             idle_timeout_ms: 1000,
+            message_timeout_ms: 1000,
             resume_ms: 1000,
         },
         modes: vec![Mode::Latest],

@@ -216,6 +216,11 @@ async fn pass(app: &App, needs: Role, mut request: Request, next: Next) -> Respo
     }
 }
 
+/// The hash of the key that a request carries, known or not.
+pub fn fingerprint(headers: &HeaderMap) -> Option<blake3::Hash> {
+    secret(headers).map(blake3::hash)
+}
+
 fn secret(headers: &HeaderMap) -> Option<&[u8]> {
     let bearer = headers.get(header::AUTHORIZATION).and_then(|value| {
         let (scheme, key) = value.as_bytes().split_at_checked("Bearer ".len())?;

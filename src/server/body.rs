@@ -9,7 +9,7 @@ use super::App;
 use super::bodies::Held;
 use super::caller::CallerId;
 use super::places::Line;
-use super::pool::{QueueFull, Whose};
+use super::pool::QueueFull;
 use super::problem::Problem;
 use super::recognize::RecognizeError;
 use crate::protocol::rest::FrameJson;
@@ -24,7 +24,7 @@ use serde::de::DeserializeOwned;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::runtime::Handle;
-use tokio::sync::Semaphore;
+use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
 /// Bytes of a form or of JSON beside the frame, or of JSON without one.
@@ -33,8 +33,6 @@ const ENVELOPE_BYTES: usize = 16 << 10;
 const MAX_TRUSTED_BYTES: usize = 256 << 10;
 /// The longest body that is taken apart on the thread that received it, which takes well below a millisecond.
 const MAX_BYTES_AT_ONCE: usize = 256 << 10;
-/// When to come back where no memory for frames is left.
-const MEMORY_WAIT: Duration = Duration::from_secs(1);
 /// The field of a form that holds a frame.
 const FIELD: &str = "frame";
 
@@ -47,15 +45,9 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Takes the memory for bytes that are here already.
-    ///
-    /// # Errors
-    /// None is left.
-    pub fn hold(bytes: Bytes, memory: &Arc<Semaphore>) -> Result<Self, BodyError> {
-        let full = BodyError::NoMemory(QueueFull { whose: Whose::All, retry_after: MEMORY_WAIT });
-        let Ok(n_bytes) = u32::try_from(bytes.len()) else { return Err(full) };
-        let held = memory.clone().try_acquire_many_owned(n_bytes).map_err(|_| full)?;
-        Ok(Self { bytes, held: Arc::new(held) })
+    /// Bytes whose memory is `held`.
+    pub fn new(bytes: Bytes, held: OwnedSemaphorePermit) -> Self {
+        Self { bytes, held: Arc::new(held) }
     }
 
     /// Bytes that are a part of these, or were decoded from them: they share their memory.

@@ -12,6 +12,8 @@ use hyper::service::{Service, service_fn};
 use hyper::{Request, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+#[cfg(target_os = "linux")]
+use socket2::SockRef;
 use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
@@ -42,6 +44,8 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         places: Arc::new(Places::new(app.settings.max_connections)),
         header_timeout: app.settings.header_timeout(),
         write_timeout: app.settings.write_timeout(),
+        #[cfg(target_os = "linux")]
+        unacknowledged_timeout: app.settings.unacknowledged_timeout(),
         listener,
         stopped,
     };
@@ -85,6 +89,8 @@ struct Acceptor {
     places: Arc<Places>,
     header_timeout: Duration,
     write_timeout: Duration,
+    #[cfg(target_os = "linux")]
+    unacknowledged_timeout: Duration,
     stopped: watch::Receiver<bool>,
 }
 
@@ -129,6 +135,11 @@ impl Acceptor {
         // An answer is one small write: waiting to fill a packet would only delay it.
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%error, "TCP_NODELAY could not be set");
+        }
+        // A robot that reads rarely acknowledges what it is sent nevertheless; one that is gone does not.
+        #[cfg(target_os = "linux")]
+        if let Err(error) = SockRef::from(&stream).set_tcp_user_timeout(Some(self.unacknowledged_timeout)) {
+            tracing::debug!(%error, "TCP_USER_TIMEOUT could not be set");
         }
         let router = self.service.clone();
         let stream = WriteTimeout::new(stream, self.write_timeout);

@@ -17,7 +17,8 @@ const N_ANSWERS: usize = 16;
 
 /// What dashboards may know of one stream; written by its task, read by anyone.
 pub struct Record {
-    session: String,
+    /// Its public name: nobody can resume the stream by it.
+    stream: String,
     began: Instant,
     known: Mutex<Known>,
 }
@@ -26,6 +27,8 @@ pub struct Record {
 struct Known {
     robot: Option<String>,
     connected: bool,
+    /// Since when its connection is broken.
+    broke: Option<Instant>,
     mode: Mode,
     room: Option<(String, Instant)>,
     frames: FrameCounts,
@@ -43,8 +46,13 @@ struct Told {
 
 impl Record {
     /// Of a stream that begins.
-    pub fn new(session: String) -> Self {
-        Self { session, began: Instant::now(), known: Mutex::default() }
+    pub fn new(stream: String) -> Self {
+        Self { stream, began: Instant::now(), known: Mutex::default() }
+    }
+
+    /// When it began.
+    pub fn began(&self) -> Instant {
+        self.began
     }
 
     /// The stream is configured so.
@@ -56,7 +64,14 @@ impl Record {
 
     /// Its connection stands, or does not.
     pub fn connected(&self, connected: bool) {
-        self.known().connected = connected;
+        let mut known = self.known();
+        known.connected = connected;
+        known.broke = (!connected).then(Instant::now);
+    }
+
+    /// When its connection broke, where it has none since.
+    pub fn broke(&self) -> Option<Instant> {
+        self.known().broke
     }
 
     /// Whether its connection stands.
@@ -99,7 +114,7 @@ impl Record {
 
     /// Whose stream it is.
     pub fn name(&self) -> RobotName {
-        RobotName { session: self.session.clone(), robot: self.known().robot.clone() }
+        RobotName { stream: self.stream.clone(), robot: self.known().robot.clone() }
     }
 
     /// All of it.
@@ -141,14 +156,14 @@ pub async fn list_robots(State(app): State<App>) -> Json<RobotList> {
 
 /// One robot
 ///
-/// By its name or its session; of several streams with one name, the one that began last.
+/// By its name or its stream's; of several streams with one name, the one that began last.
 #[utoipa::path(
     get, path = "/v1/robots/{id}", tag = "dashboards", security(("key" = [])),
-    params(("id" = String, Path, description = "The robot's name, or its session")),
+    params(("id" = String, Path, description = "The robot's name, or its stream's")),
     responses((status = OK, description = "The robot", body = RobotInfo), RobotProblems)
 )]
 pub async fn show_robot(State(app): State<App>, Path(id): Path<String>) -> Result<Json<RobotInfo>, Problem> {
-    let is_meant = |name: &RobotName| name.session == id || name.robot.as_deref() == Some(&id);
+    let is_meant = |name: &RobotName| name.stream == id || name.robot.as_deref() == Some(&id);
     let records = app.streams.records();
     let found = records.iter().filter(|record| is_meant(&record.name())).max_by_key(|record| record.began);
     found.map(|record| Json(record.info())).ok_or(Problem::NoRobot(id))

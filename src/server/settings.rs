@@ -71,13 +71,20 @@ pub struct Settings {
     pub drain_timeout_ms: u64,
     /// The most streams at one time.
     pub max_streams: usize,
+    /// The most streams of one caller: of one key; without keys of one robot's name, or of an address whose
+    /// robots have none. 0: half of `max_streams`.
+    pub max_streams_per_caller: usize,
     /// The most frames of a stream without an answer in the mode `lossless`.
     pub stream_window: usize,
     /// How many bytes of frames without an answer a stream may hold before it is read no further.
     pub max_stream_bytes: usize,
-    /// How often a stream is asked for a sign of life, in milliseconds.
+    /// How long a stream's message may take to come in, in milliseconds.
+    pub stream_message_timeout_ms: u64,
+    /// How often a stream is asked for a sign of life, in milliseconds. A connection that does not even
+    /// acknowledge three of them has broken.
     pub stream_ping_ms: u64,
-    /// How long nothing may be heard on a stream before it is closed, in milliseconds.
+    /// How long no byte may come over a stream before it is closed, in milliseconds. Robots that answer pings
+    /// only when they look for answers must look more often.
     pub stream_idle_timeout_ms: u64,
     /// How long a robot may take to read what it is sent, in milliseconds.
     pub stream_write_timeout_ms: u64,
@@ -161,10 +168,12 @@ impl Default for Settings {
             write_timeout_ms: 5_000,
             drain_timeout_ms: 10_000,
             max_streams: 1024,
+            max_streams_per_caller: 0,
             stream_window: 16,
             max_stream_bytes: 32 << 20,
+            stream_message_timeout_ms: 120_000,
             stream_ping_ms: 15_000,
-            stream_idle_timeout_ms: 45_000,
+            stream_idle_timeout_ms: 180_000,
             stream_write_timeout_ms: 10_000,
             stream_resume_ms: 30_000,
             log_format: LogFormat::Human,
@@ -270,6 +279,24 @@ impl Settings {
         Duration::from_millis(self.drain_timeout_ms)
     }
 
+    /// The most streams of one caller.
+    pub fn max_streams_of_one(&self) -> usize {
+        match self.max_streams_per_caller {
+            0 => self.max_streams.div_ceil(2),
+            n => n,
+        }
+    }
+
+    /// [`Settings::stream_message_timeout_ms`] as a duration.
+    pub fn stream_message_timeout(&self) -> Duration {
+        Duration::from_millis(self.stream_message_timeout_ms)
+    }
+
+    /// How long what was sent over a connection may stay unacknowledged before it counts as broken.
+    pub fn unacknowledged_timeout(&self) -> Duration {
+        Duration::from_millis(self.stream_ping_ms.saturating_mul(3))
+    }
+
     /// [`Settings::stream_ping_ms`] as a duration.
     pub fn stream_ping(&self) -> Duration {
         Duration::from_millis(self.stream_ping_ms)
@@ -343,6 +370,15 @@ impl Settings {
         }
         if self.max_stream_bytes == 0 {
             return wrong("max_stream_bytes", "it must be at least 1: then a stream holds one frame".into());
+        }
+        if self.max_streams_per_caller > self.max_streams {
+            return wrong(
+                "max_streams_per_caller",
+                "it must be at most `max_streams`; 0 means half of it".into(),
+            );
+        }
+        if self.stream_message_timeout_ms == 0 {
+            return wrong("stream_message_timeout_ms", "it must be at least 1; 120000 is two minutes".into());
         }
         if self.stream_ping_ms == 0 || self.stream_ping_ms > self.stream_idle_timeout_ms {
             return wrong("stream_ping_ms", "it must be from 1 to `stream_idle_timeout_ms`".into());
@@ -454,6 +490,8 @@ mod tests {
             ("stream_write_timeout_ms", "0"),
             ("max_batch_frames", "0"),
             ("max_buffered_bytes", "10"),
+            ("max_streams_per_caller", "5000"),
+            ("stream_message_timeout_ms", "0"),
             ("queue", "many"),
             ("caller_share", "0"),
             ("caller_share", "1.5"),

@@ -3,56 +3,63 @@
 //! | file | what |
 //! |---|---|
 //! | `settings` | how a stream is configured |
+//! | `wire` | the bytes of a WebSocket, taken apart |
+//! | `inbox` | its messages, put together within limits |
+//! | `intake` | the memory of frames under way, and who gives way where it is short |
 //! | `socket` | the WebSocket: messages in and out |
+//! | `places` | who may have a stream, and who gives way where places are short |
 //! | `session` | one stream from its first connection to its end |
 //! | `lane` | its frames that wait, and its one place in the queue of the threads |
 //! | `turn` | one of its frames on a thread |
 //! | `ledger` | its frames without an answer, told in order |
 //! | `teller` | what it says: answers, the filter's answers, changes of the model |
+//! | `moment` | when a frame was taken, by the robot's clock or by ours |
+//! | `kept` | what it has said, for a robot that comes back |
 //!
-//! A frame's way: `socket` → `session`: a number, its share of memory → `lane` → a thread takes the stream's
-//! first frame when its turn comes → `ledger` → `teller` → `socket`.
+//! A frame's way: `wire` → `inbox`: its share of memory → `session`: a number → `lane` → a thread takes the
+//! stream's first frame when its turn comes → `ledger` → `teller` → `socket`.
 
+mod inbox;
+mod intake;
+mod kept;
 mod lane;
 mod ledger;
+mod moment;
+mod places;
 mod session;
 mod settings;
 mod socket;
 mod teller;
 mod turn;
+mod wire;
 
-use super::App;
-use super::auth::{AuthError, KeyName, subprotocols};
+use super::auth::{AuthError, KeyName, fingerprint, subprotocols};
 use super::caller::CallerId;
 use super::openapi::StreamProblems;
 use super::problem::Problem;
 use super::robots::Record;
+use super::{App, Settings};
 use crate::protocol::stream::{KEY_SUBPROTOCOL_PREFIX, SUBPROTOCOL, StreamQuery, StreamSettings};
 use axum::Extension;
 use axum::extract::{Query, Request, State};
 use axum::http::{HeaderMap, HeaderValue, Uri, header};
 use axum::response::Response;
 use hyper::upgrade::OnUpgrade;
-use session::Session;
+use inbox::{Inbox, Limits};
+use intake::Intake;
+use places::{NoPlace, Opener, Place, Places};
+use session::{Identity, Session};
 use socket::{Close, Socket};
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
 use tokio_util::task::TaskTracker;
 use tracing::Instrument;
 
 /// All streams.
 pub struct Streams {
-    entries: Mutex<BTreeMap<String, Entry>>,
-    permits: Arc<Semaphore>,
+    places: Places,
+    intake: Arc<Intake>,
     tasks: TaskTracker,
-}
-
-/// What is known of one stream outside its task.
-struct Entry {
-    arrivals: mpsc::Sender<Arrival>,
-    key: Option<KeyName>,
-    record: Arc<Record>,
 }
 
 /// A connection for a stream.
@@ -66,25 +73,25 @@ struct Arrival {
 
 /// A robot at the door.
 struct Caller {
+    opener: Opener,
     id: CallerId,
-    key: Option<KeyName>,
     query: StreamQuery,
     settings: StreamSettings,
 }
 
 impl Streams {
-    /// At most this many at one time.
-    pub fn new(max_streams: usize) -> Self {
+    /// As many as the settings allow, whose frames take their bytes from `memory`.
+    pub fn new(settings: &Settings, memory: Arc<Semaphore>) -> Self {
         Self {
-            entries: Mutex::default(),
-            permits: Arc::new(Semaphore::new(max_streams)),
+            places: Places::new(settings.max_streams, settings.max_streams_of_one()),
+            intake: Arc::new(Intake::new(memory, settings.max_buffered_bytes, settings.max_frame_bytes)),
             tasks: TaskTracker::new(),
         }
     }
 
-    /// What dashboards may know, by session.
+    /// What dashboards may know, the stream that began first first.
     pub fn records(&self) -> Vec<Arc<Record>> {
-        self.entries().values().map(|entry| entry.record.clone()).collect()
+        self.places.records()
     }
 
     /// Ready when the last stream has ended, after a stop.
@@ -96,17 +103,6 @@ impl Streams {
     /// Runs a task that a stop waits for.
     fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
         self.tasks.spawn(task.in_current_span());
-    }
-
-    /// How to reach a stream of the same key.
-    fn arrivals(&self, session: &str, key: Option<&KeyName>) -> Option<mpsc::Sender<Arrival>> {
-        let entries = self.entries();
-        let entry = entries.get(session).filter(|entry| entry.key.as_ref() == key)?;
-        Some(entry.arrivals.clone())
-    }
-
-    fn entries(&self) -> MutexGuard<'_, BTreeMap<String, Entry>> {
-        self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -138,22 +134,27 @@ pub async fn connect(
     if let Some(protocol) = spoken(request.headers())? {
         response.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, protocol);
     }
-    let id = CallerId::of(request.extensions());
-    let caller = Caller { id, key, query, settings };
+    let opener = Opener { key: key.as_ref().and_then(|_| fingerprint(request.headers())), name: key };
+    let caller = Caller { opener, id: CallerId::of(request.extensions()), query, settings };
     app.streams.spawn(welcome(app.clone(), upgrade, caller));
     Ok(response)
 }
 
 /// Hands the connection to the stream it resumes, or begins a stream.
-async fn welcome(app: App, upgrade: OnUpgrade, Caller { id: caller, key, query, settings }: Caller) {
+async fn welcome(app: App, upgrade: OnUpgrade, Caller { opener, id, query, settings }: Caller) {
     let upgraded = match upgrade.await {
         Ok(upgraded) => upgraded,
         Err(error) => return tracing::debug!(%error, "a connection did not become a stream"),
     };
-    let write_timeout = app.settings.stream_write_timeout();
-    let socket = Socket::open(upgraded, app.settings.max_frame_bytes, write_timeout).await;
+    let limits = Limits {
+        max_bytes: app.settings.max_frame_bytes,
+        message_timeout: app.settings.stream_message_timeout(),
+    };
+    let holder = id.clone().with_robot(settings.robot.as_deref());
+    let inbox = Inbox::new(&limits, app.streams.intake.clone(), holder.clone());
+    let socket = Socket::new(upgraded, inbox, app.settings.stream_write_timeout());
     let mut arrival = Arrival { socket, is_resumed: true, last_seq: query.last_seq };
-    if let Some(arrivals) = query.session.and_then(|id| app.streams.arrivals(&id, key.as_ref())) {
+    if let Some(arrivals) = query.session.and_then(|session| app.streams.places.arrivals(&session, &opener)) {
         match arrivals.send(arrival).await {
             Ok(()) => return,
             // The stream has just ended.
@@ -161,25 +162,41 @@ async fn welcome(app: App, upgrade: OnUpgrade, Caller { id: caller, key, query, 
         }
     }
     arrival.is_resumed = false;
-    let (Ok(_permit), Ok(id)) = (app.streams.permits.clone().try_acquire_owned(), new_id()) else {
-        return arrival.socket.close(Close::TooMany).await;
+    let (session, stream) = match (random_name::<16>(), random_name::<8>()) {
+        (Ok(session), Ok(stream)) => (session, stream),
+        (Err(error), _) | (_, Err(error)) => {
+            tracing::error!(%error, "there are no random bytes for a stream's name");
+            return arrival.socket.close(Close::Full).await;
+        }
     };
-    let record = Arc::new(Record::new(id.clone()));
-    let session = match Session::new(app.clone(), id.clone(), caller, settings, record.clone()) {
-        Ok(session) => session,
-        Err(problem) => return tracing::warn!(%problem, "a stream has no model"),
+    let record = Arc::new(Record::new(stream.clone()));
+    let identity = Identity { session: session.clone(), stream: stream.clone(), caller: id };
+    let conversation = match Session::new(app.clone(), identity, settings, record.clone()) {
+        Ok(conversation) => conversation,
+        Err(problem) => {
+            tracing::warn!(%problem, "a stream has no model");
+            return arrival.socket.close(Close::NoModel).await;
+        }
     };
     let (sender, arrivals) = mpsc::channel(1);
-    app.streams.entries().insert(id.clone(), Entry { arrivals: sender, key, record });
-    tracing::info!(session = id, "a stream begins");
-    session.run(arrival, arrivals).await;
-    app.streams.entries().remove(&id);
-    tracing::info!(session = id, "a stream ended");
+    let given_up = conversation.given_up().clone();
+    let place = Place { arrivals: sender, holder, opener, record, given_up };
+    if let Err(no_place) = app.streams.places.take(session.clone(), place) {
+        let why = match no_place {
+            NoPlace::Full => Close::Full,
+            NoPlace::Share => Close::Share,
+        };
+        return arrival.socket.close(why).await;
+    }
+    tracing::info!(stream, "a stream begins");
+    conversation.run(arrival, arrivals).await;
+    app.streams.places.leave(&session);
+    tracing::info!(stream, "a stream ended");
 }
 
-/// A name that cannot be guessed: who knows it may resume the stream.
-fn new_id() -> Result<String, getrandom::Error> {
-    let mut bytes = [0; 16];
+/// So many random bytes, in hexadecimal digits.
+fn random_name<const N_BYTES: usize>() -> Result<String, getrandom::Error> {
+    let mut bytes = [0; N_BYTES];
     getrandom::fill(&mut bytes)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }

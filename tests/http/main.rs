@@ -15,6 +15,8 @@ mod replay;
 mod robot;
 mod service;
 mod stream;
+mod stream_pressure;
 mod stream_property;
+mod stream_resume;
 mod trace;
 mod upload;

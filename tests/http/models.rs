@@ -315,6 +315,13 @@ async fn a_canary_answers_its_share_of_the_robots_and_each_stays_with_its_versio
     }
     assert!(by_version.iter().all(|&n| n >= 10), "{by_version:?}");
     assert_eq!(server.answer("").await.0, 1, "who has no name gets the stable version");
+    for _ in 0..16 {
+        let mut robot = Robot::connect(&server, "").await;
+        assert_eq!(robot.hello.model.version, 1);
+        robot.send(frame()).await;
+        let told = robot.next().await;
+        assert!(matches!(&told, ServerMessage::Result(told) if told.answer.model.version == 1), "{told:?}");
+    }
     assert_eq!(server.answer("?label=canary").await.0, 2);
     success(server.delete("/v1/models/lab/labels/canary").send().await.unwrap()).await;
     for robot in 0..10 {
