@@ -226,20 +226,27 @@ impl Dataset {
         if let [place] = self.places().as_slice() {
             return Err(DatasetError::OnePlace { place: place.clone() });
         }
-        self.check_names()?;
+        self.check_names(&[])?;
         self.check_camera()
     }
 
-    fn check_names(&self) -> Result<(), DatasetError> {
-        let mut frame_of: BTreeMap<String, &Frame> = BTreeMap::new();
-        for frame in &self.frames {
-            let other = *frame_of.entry(names::look(&frame.place)).or_insert(frame);
-            if other.place != frame.place {
+    /// Refuses names of rooms that only differ in case, in the kind of spaces, or in characters that cannot be
+    /// seen, from each other or from `rooms`, those of a model.
+    pub fn check_names(&self, rooms: &[String]) -> Result<(), DatasetError> {
+        let of_model = rooms.iter().map(|room| (room, None));
+        let of_frames = self.frames.iter().map(|frame| (&frame.place, Some(frame)));
+        let origin = |frame: Option<&Frame>| {
+            frame.map_or_else(|| "a room of the model".to_owned(), |frame| frame.path.display().to_string())
+        };
+        let mut seen: BTreeMap<String, (&String, Option<&Frame>)> = BTreeMap::new();
+        for (place, frame) in of_model.chain(of_frames) {
+            let (other, other_frame) = *seen.entry(names::look(place)).or_insert((place, frame));
+            if other != place {
                 return Err(DatasetError::LookAlike {
-                    left: names::spelled(&other.place),
-                    right: names::spelled(&frame.place),
-                    left_path: other.path.display().to_string(),
-                    right_path: frame.path.display().to_string(),
+                    left: names::spelled(other),
+                    right: names::spelled(place),
+                    left_origin: origin(other_frame),
+                    right_origin: origin(frame),
                 });
             }
         }

@@ -19,8 +19,8 @@ const N_LISTED_KINDS: usize = 10;
 /// Which frames of a data set to take.
 #[derive(Args)]
 pub(super) struct DataArgs {
-    /// Labeled frames: a folder with a folder for each room, a frames.csv with the columns file and place,
-    /// or sequences of the COLD database
+    /// Labeled frames: a folder with a folder for each room (or with train, val, ... and the rooms in them), a
+    /// frames.csv with the columns file and place, or sequences of the COLD database
     pub data: PathBuf,
     /// Take the frames of this camera [default: the only one there is; perspective for a folder a room]
     #[arg(long, value_enum)]
@@ -28,7 +28,7 @@ pub(super) struct DataArgs {
     /// Take the sequences whose names match, such as '*cloudy1,*night?' [default: all]
     #[arg(long, value_name = "PATTERNS")]
     sequences: Option<String>,
-    /// Take the frames that frames.csv has in this split, such as train [default: all]
+    /// Take the frames of this split, such as train: a column of frames.csv, or a folder [default: all]
     #[arg(long)]
     split: Option<String>,
 }
@@ -223,9 +223,14 @@ fn describe_all(dataset: &Dataset, extractor: &Extractor) -> Described {
     described
 }
 
+/// Refuses to go on without any sample, and names the rooms that are left without one.
 fn some(described: Described, dataset: &Dataset) -> anyhow::Result<Described> {
     if described.samples.is_empty() {
         bail!("none of the {} frames can be used; why is told above", dataset.frames.len());
+    }
+    let usable: BTreeSet<&str> = described.samples.iter().map(|sample| sample.place.as_str()).collect();
+    for place in dataset.places().iter().filter(|place| !usable.contains(place.as_str())) {
+        eprintln!("left out: the room {place}: none of its frames can be used");
     }
     Ok(described)
 }

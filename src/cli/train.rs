@@ -216,6 +216,7 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
 fn add_to(folder: &Path, args: &TrainArgs) -> anyhow::Result<Trained> {
     let model = data::load_model(folder)?.model;
     let dataset = args.data.open(Some(&model))?;
+    dataset.check_names(model.places())?;
     model.check_addition(sequences(&dataset))?;
     let described =
         data::describe_to_train(&dataset, &Extractor::new(model.config(), model.camera().clone()))?;

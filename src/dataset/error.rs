@@ -189,17 +189,17 @@ pub enum DatasetError {
     /// Rooms that people, and systems that ignore case, take for one.
     #[error(
         "{left} and {right} are the name of one room for people and for systems that ignore case: \
-         give the room one name, or the two rooms names that differ more (frames: {left_path} and {right_path})"
+         give the room one name, or the two rooms names that differ more ({left_origin}; {right_origin})"
     )]
     LookAlike {
         /// A room.
         left: String,
         /// Another.
         right: String,
-        /// A frame of the first.
-        left_path: String,
-        /// A frame of the second.
-        right_path: String,
+        /// Where the first is named, such as a frame of it.
+        left_origin: String,
+        /// Where the second is.
+        right_origin: String,
     },
     /// Frames of several kinds of camera together.
     #[error("frames of several cameras ({cameras}): choose one of them, a model knows one camera")]

@@ -107,23 +107,18 @@ fn parse(text: &str, path: &Path) -> Result<Dataset, DatasetError> {
             }
         };
         let frame = frame(&row, path, line)?;
-        match line_of.get(&frame.path) {
-            Some((first, place)) if *place == frame.place => {
-                dataset
-                    .problems
-                    .push(problem("its file is listed a second time").with(format!("as in line {first}")));
-            }
-            Some((first, place)) => {
+        if let Some((first, place)) = line_of.get(&frame.path) {
+            let problem = if *place == frame.place {
+                problem("its file is listed a second time").with(format!("as in line {first}"))
+            } else {
                 let detail = format!("`{}`, and `{place}` in line {first}", frame.place);
-                dataset
-                    .problems
-                    .push(problem("its file is listed a second time, as another room").with(detail));
-            }
-            None => {
-                line_of.insert(frame.path.clone(), (line, frame.place.clone()));
-                if frame.place.is_empty() { dataset.n_unlabeled += 1 } else { dataset.frames.push(frame) }
-            }
+                problem("its file is listed a second time, as another room").with(detail)
+            };
+            dataset.problems.push(problem);
+            continue;
         }
+        line_of.insert(frame.path.clone(), (line, frame.place.clone()));
+        if frame.place.is_empty() { dataset.n_unlabeled += 1 } else { dataset.frames.push(frame) }
     }
     Ok(dataset)
 }
@@ -268,17 +263,28 @@ impl Columns {
 /// A field of several lines, such as a remark in a column that is not read, has at most so many bytes.
 const MAX_FIELD_BYTES: usize = 4096;
 
+/// The file that a row names, below the folder of the list. Where it does not lie there as it is written, the
+/// whole path of the folder may come first, and backslashes may separate.
+fn inside(file: &str, folder: &Path) -> Option<PathBuf> {
+    let literal = Path::new(file);
+    let slashed = PathBuf::from(file.replace('\\', "/"));
+    let whole = slashed.is_absolute().then(|| fs::canonicalize(folder).ok()).flatten();
+    let stripped = slashed.strip_prefix(whole.as_deref().unwrap_or(folder));
+    let file = match stripped {
+        _ if literal.is_relative() && folder.join(literal).exists() => literal,
+        Ok(stripped) => stripped,
+        Err(_) => slashed.strip_prefix(folder).unwrap_or(&slashed),
+    };
+    let is_inside = |part: Component| matches!(part, Component::Normal(_) | Component::CurDir);
+    // Without `./` in between, so that a file has one name.
+    let plain = file.components().filter(|part| matches!(part, Component::Normal(_))).collect();
+    file.components().all(is_inside).then_some(plain)
+}
+
 fn frame(row: &Row, path: &Path, line: u64) -> Result<Frame, DatasetError> {
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let inside = |part: Component| matches!(part, Component::Normal(_) | Component::CurDir);
-    let file = Path::new(row.file);
-    let mut file = file.strip_prefix(folder).unwrap_or(file).to_owned();
-    if row.file.contains('\\') && !folder.join(&file).exists() {
-        file = file.to_string_lossy().replace('\\', "/").into();
-    }
-    if !file.components().all(inside) {
+    let Some(file) = inside(row.file, path.parent().unwrap_or(Path::new(""))) else {
         return Err(DatasetError::Escape { path: path.to_owned(), line, file: row.file.to_owned() });
-    }
+    };
     let camera = match row.camera {
         "" => Some(CameraKind::Perspective),
         name => CAMERAS.into_iter().find(|&camera| camera_name(camera).eq_ignore_ascii_case(name)),
@@ -287,8 +293,6 @@ fn frame(row: &Row, path: &Path, line: u64) -> Result<Frame, DatasetError> {
         let name = row.camera.to_owned();
         return Err(DatasetError::UnknownCamera { path: path.to_owned(), line, name });
     };
-    // Without `./` in between, so that a file has one name.
-    let file: PathBuf = file.components().filter(|part| matches!(part, Component::Normal(_))).collect();
     Ok(Frame {
         path: path.with_file_name(file),
         place: row.place.to_owned(),

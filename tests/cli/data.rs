@@ -28,15 +28,18 @@ fn files_that_are_skipped_are_counted_and_named_by_reason() {
             fs::write(rooms.join(format!("bars/notes{number}.txt")), "no image").unwrap();
         }
         fs::write(rooms.join(".DS_Store"), "").unwrap();
+        fs::create_dir(rooms.join("attic")).unwrap();
+        fs::write(rooms.join("attic/1.png"), "no image").unwrap();
         fs::rename(rooms.join("dots/3.png"), rooms.join("dots/3.jpg")).unwrap();
         fs::rename(rooms.join("dots/4.png"), rooms.join("dots/4")).unwrap();
     });
     let told = train(&folder, "rooms");
     let lines: Vec<&str> = told.err.lines().collect();
-    assert_eq!(lines.len(), 3, "{}", told.err);
+    assert_eq!(lines.len(), 4, "{}", told.err);
     assert!(lines[0].contains(".DS_Store: hidden"), "{}", told.err);
     assert!(lines[1].contains("notes0.txt and 6 more: not a picture"), "{}", told.err);
-    assert!(lines[2].contains("bad0.png and 6 more: "), "{}", told.err);
+    assert!(lines[2].contains("attic/1.png and 7 more: "), "{}", told.err);
+    assert_eq!(lines[3], "left out: the room attic: none of its frames can be used");
     assert!(told.out.contains("36 of 36"), "{}", told.out);
 }
 

@@ -143,7 +143,10 @@ fn names_that_look_the_same_are_not_two_rooms() {
     let cases = tree(&["Kitchen/1.jpg", "kitchen/2.jpg", "hall/1.jpg"]);
     let error = open(cases.path()).unwrap().check().unwrap_err().to_string();
     assert!(error.starts_with("`Kitchen` and `kitchen` are the name of one room"), "{error}");
-    assert!(error.contains("Kitchen/1.jpg and") && error.contains("kitchen/2.jpg"), "{error}");
+    assert!(error.contains("Kitchen/1.jpg; ") && error.contains("kitchen/2.jpg"), "{error}");
+    let of_model =
+        open(tree(&["Attic/1.jpg"]).path()).unwrap().check_names(&["attic".to_owned()]).unwrap_err();
+    assert!(of_model.to_string().contains("(a room of the model; "), "{of_model}");
     let list = tree(&["frames.csv = file,place\n1.jpg,hall\n2.jpg,h\u{200b}all", "1.jpg", "2.jpg"]);
     let error = open(list.path()).unwrap().check().unwrap_err().to_string();
     assert!(error.contains("`h\\u{200b}all`"), "{error}");
@@ -192,7 +195,9 @@ fn a_folder_that_cannot_be_read_leaves_the_others() {
     let set = tree(&["hall/1.jpg", "kitchen/1.jpg", "secret/1.jpg", "hall/secret/1.jpg"]);
     let locked = ["secret", "hall/secret"].map(|folder| set.path().join(folder));
     let lock = |mode| {
-        locked.iter().for_each(|folder| fs::set_permissions(folder, PermissionsExt::from_mode(mode)).unwrap())
+        for folder in &locked {
+            fs::set_permissions(folder, PermissionsExt::from_mode(mode)).unwrap();
+        }
     };
     lock(0);
     if fs::read_dir(&locked[0]).is_ok() {
@@ -223,6 +228,9 @@ fn lists_are_found_whatever_the_case_and_name_files_as_people_do() {
         "\u{feff}file\tplace\r\nHall/1.jpg\thall\r\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
     fs::write(set.path().join("list.tsv"), utf16).unwrap();
     assert_eq!(frames(&open(&set.path().join("list.tsv")).unwrap()), [":hall:1.jpg"]);
+    let whole = format!("file,place\n{}/Hall/1.jpg,hall\n", fs::canonicalize(set.path()).unwrap().display());
+    fs::write(set.path().join("whole.csv"), whole).unwrap();
+    assert_eq!(frames(&open(&set.path().join("whole.csv")).unwrap()), [":hall:1.jpg"]);
     let other = tree(&["labels.csv = file,place", "hall/1.jpg", "kitchen/1.jpg"]);
     let told = told(&other, &open(other.path()).unwrap().problems);
     assert_eq!(
