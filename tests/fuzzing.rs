@@ -26,13 +26,14 @@ struct Target {
     seeds: Vec<Vec<u8>>,
 }
 
-fn all_targets() -> [Target; 7] {
+fn all_targets() -> [Target; 8] {
     [
         Target { name: "archive", run: targets::archive, seeds: archives() },
         Target { name: "lists", run: targets::lists, seeds: lists() },
         Target { name: "model", run: targets::model, seeds: models() },
         Target { name: "oip", run: targets::oip, seeds: oip() },
         Target { name: "pictures", run: targets::pictures, seeds: pictures() },
+        Target { name: "service", run: targets::service, seeds: service() },
         Target { name: "settings", run: targets::settings, seeds: settings() },
         Target { name: "stream", run: targets::stream, seeds: stream() },
     ]
@@ -149,7 +150,7 @@ fn lists() -> Vec<Vec<u8>> {
 
 fn oip() -> Vec<Vec<u8>> {
     let in_json = br#"{"id":"1","inputs":[{"name":"frame","datatype":"BYTES","shape":[1],"data":["UDU="]}],"outputs":[{"name":"room"}]}"#;
-    let behind = br#"{"parameters":{"robot":"r","timeout":9,"binary_data_output":true},"inputs":[{"name":"frame","datatype":"BYTES","shape":[2,1],"parameters":{"binary_data_size":11}}]}"#;
+    let behind = br#"{"parameters":{"robot":"r","timeout":900000,"binary_data_output":true},"inputs":[{"name":"frame","datatype":"BYTES","shape":[2,1],"parameters":{"binary_data_size":11}}]}"#;
     let elements = b"\x02\0\0\0P5\x01\0\0\0P";
     let length = |json: &[u8]| (json.len() as u16).to_le_bytes();
     vec![
@@ -172,6 +173,69 @@ fn stream() -> Vec<Vec<u8>> {
         header,
         numbers.iter().flat_map(|number: &f64| number.to_le_bytes()).collect(),
     ]
+}
+
+/// A frame in each way that there is, what is asked besides, and a stream.
+fn service() -> Vec<Vec<u8>> {
+    let frame = pictures().swap_remove(1);
+    let key = targets::robots_key();
+    let request = |first_line: &str, headers: &str, body: &[u8]| {
+        let head = format!(
+            "{first_line} HTTP/1.1\r\nhost: 127.0.0.1\r\nx-api-key: {key}\r\n{headers}\r\n",
+            headers = if body.is_empty() {
+                format!("connection: close\r\n{headers}")
+            } else {
+                format!("connection: close\r\ncontent-length: {}\r\n{headers}", body.len())
+            }
+        );
+        [head.as_bytes(), body].concat()
+    };
+    let form = [
+        b"--x\r\ncontent-disposition: form-data; name=\"frame\"; filename=\"a.png\"\r\n\r\n",
+        &frame[..],
+        b"\r\n--x--\r\n",
+    ]
+    .concat();
+    let json = br#"{"frame":"UDUgMiAyIDI1NSAwMDAw"}"#;
+    let handshake = "connection: upgrade\r\nupgrade: websocket\r\nsec-websocket-version: 13\r\n\
+                     sec-websocket-key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+    let messages = [
+        message(1, br#"{"type":"configure","mode":"lossless","filter":{"trust":1.5},"top":2}"#),
+        message(2, &frame),
+        message(2, b"RSF1\x01\0\0\0\x07\0\0\0\0\0\0\0\x09\0\0\0\0\0\0\0P5 2 2 255 0000"),
+        message(9, b"ping"),
+        message(8, &1000u16.to_be_bytes()),
+    ];
+    let [_, oip, ..] = &oip()[..] else { panic!("two requests of the protocol") };
+    let binary = format!("inference-header-content-length: {}\r\n", u16::from_le_bytes([oip[0], oip[1]]));
+    let stream = request("GET /v1/stream?robot=r&mode=latest", "", b"");
+    let stream = String::from_utf8(stream).unwrap().replace("connection: close\r\n", handshake);
+    vec![
+        request("POST /v1/recognize?robot=r&top=2&explain=true", "content-type: image/png\r\n", &frame),
+        request("POST /v1/recognize", "content-type: multipart/form-data; boundary=x\r\n", &form),
+        request("POST /v1/recognize/batch", "content-type: multipart/form-data; boundary=x\r\n", &form),
+        request("POST /v1/recognize?deadline_ms=900", "content-type: application/json\r\n", json),
+        request("POST /v2/models/simulated-lab/infer", &binary, &oip[2..]),
+        [stream.as_bytes(), &messages.concat()].concat(),
+    ]
+}
+
+/// A message of a client over a WebSocket, masked by zeros.
+fn message(kind: u8, payload: &[u8]) -> Vec<u8> {
+    let length = payload.len() as u16;
+    let length =
+        if length < 126 { vec![0x80 | length as u8] } else { [&[0xFE], &length.to_be_bytes()[..]].concat() };
+    [&[0x80 | kind], &length[..], &[0; 4], payload].concat()
+}
+
+#[test]
+fn seeds_of_the_service_are_answered() {
+    for seed in service() {
+        let answer = String::from_utf8_lossy(&targets::exchange(&seed).unwrap()).into_owned();
+        let is_taken =
+            ["HTTP/1.1 200", "HTTP/1.1 101", "HTTP/1.1 400"].iter().any(|line| answer.starts_with(line));
+        assert!(is_taken, "{} {answer}", String::from_utf8_lossy(&seed));
+    }
 }
 
 fn settings() -> Vec<Vec<u8>> {

@@ -4,6 +4,10 @@
 //! Each target holds what its reader promises and panics where that is broken. `tests/fuzzing.rs` runs the same
 //! functions over seeds and over inputs that once broke something.
 
+mod service;
+
+pub use service::{exchange, robots_key, service};
+
 use roomsight::camera::{Camera, Projection};
 use roomsight::dataset;
 use roomsight::filter::{RoomFilter, Step, Transitions, Trust};
