@@ -23,6 +23,7 @@ pub struct Described {
 impl Dataset {
     /// Describes all frames in parallel, in a fixed order. `on_frame` is called after each.
     pub fn describe(&self, extractor: &Extractor, limits: &Limits, on_frame: impl Fn() + Sync) -> Described {
+        let limits = &limits.enough_for(extractor.longest_side());
         let describe = |scratch: &mut Scratch, frame: &super::Frame| {
             let features = frame.read(limits).map(|image| extractor.extract(&image, scratch));
             on_frame();
