@@ -18,7 +18,7 @@ mod nearest;
 mod pattern;
 mod plane;
 
-pub use dct::inverse_dct;
+pub use dct::{BLOCKS, BlockGroup, inverse_dct};
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
 pub use nearest::{ONE_PRODUCT, UnitColumns, UnitRows, largest_products, nearest_columns};

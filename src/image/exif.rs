@@ -8,18 +8,13 @@ const ORIENTATION: u16 = 0x0112;
 /// Entries of a directory that are looked at.
 const MAX_ENTRIES: usize = 1024;
 
-/// What an APP1 segment of a JPEG says: EXIF, or XMP.
-pub(super) fn in_app1(segment: &[u8]) -> Option<Orientation> {
-    match segment.strip_prefix(b"http://ns.adobe.com/xap/1.0/\0") {
-        Some(xmp) => in_xmp(xmp),
-        // The sixth byte is 0, or 255 by some programs.
-        None => in_tiff(segment.strip_prefix(b"Exif\0")?.get(1..)?),
-    }
-}
-
-/// What EXIF says, with or without the head that JPEG gives it.
+/// What EXIF says, with the head that JPEG gives it or without.
 pub(super) fn in_exif(bytes: &[u8]) -> Option<Orientation> {
-    in_tiff(bytes.strip_prefix(b"Exif\0\0").unwrap_or(bytes))
+    match bytes.strip_prefix(b"Exif\0") {
+        // The sixth byte is 0, or 255 by some programs.
+        Some(rest) => in_tiff(rest.get(1..)?),
+        None => in_tiff(bytes),
+    }
 }
 
 /// What XMP says, as an attribute or an element.
@@ -97,7 +92,7 @@ pub(in crate::image) mod tests {
             let exif = exif(6, is_little, is_long);
             assert_eq!(in_exif(&exif), Some(Orientation::Rotate90));
             for head in [&b"Exif\0\0"[..], b"Exif\0\xFF"] {
-                assert_eq!(in_app1(&[head, &exif].concat()), Some(Orientation::Rotate90));
+                assert_eq!(in_exif(&[head, &exif].concat()), Some(Orientation::Rotate90));
             }
             for length in 0..exif.len() - 4 {
                 let _ = in_exif(&exif[..length]);
@@ -117,8 +112,6 @@ pub(in crate::image) mod tests {
     fn xmp_says_it_too() {
         for xmp in ["<a tiff:Orientation=\"3\"/>", "<tiff:Orientation>3</tiff:Orientation>"] {
             assert_eq!(in_xmp(xmp.as_bytes()), Some(Orientation::Rotate180));
-            let app1 = [&b"http://ns.adobe.com/xap/1.0/\0"[..], xmp.as_bytes()].concat();
-            assert_eq!(in_app1(&app1), Some(Orientation::Rotate180));
         }
         assert_eq!(in_xmp(b"<a tiff:Orientation=\"\"/>"), None);
         assert_eq!(in_xmp(b"tiff:Orientation"), None);

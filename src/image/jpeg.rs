@@ -24,6 +24,9 @@ use std::array;
 /// A progressive frame brings its whole area once a scan; real ones have about ten.
 const MAX_SCANS: usize = 64;
 
+/// What XMP begins with.
+const XMP: &[u8] = b"http://ns.adobe.com/xap/1.0/\0";
+
 /// What a JPEG shows, not turned.
 pub(super) struct Picture {
     /// Pixels.
@@ -61,7 +64,8 @@ struct Reader<'a> {
     is_jfif: bool,
     /// The transform of colors that Adobe's programs note.
     adobe: Option<u8>,
-    orientation: Option<Orientation>,
+    in_exif: Option<Orientation>,
+    in_xmp: Option<Orientation>,
     frame: Option<Frame>,
     side: usize,
     n_scans: usize,
@@ -79,7 +83,8 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Picture, ImageErro
         restart_interval: 0,
         is_jfif: false,
         adobe: None,
-        orientation: None,
+        in_exif: None,
+        in_xmp: None,
         frame: None,
         side: 8,
         n_scans: 0,
@@ -123,7 +128,10 @@ impl<'a> Reader<'a> {
             }
             0xDA => self.scan(segment)?,
             0xE0 => self.is_jfif |= segment.starts_with(b"JFIF\0"),
-            0xE1 => self.orientation = self.orientation.or_else(|| exif::in_app1(segment)),
+            0xE1 => {
+                self.in_exif = self.in_exif.or_else(|| exif::in_exif(segment));
+                self.in_xmp = self.in_xmp.or_else(|| exif::in_xmp(segment.strip_prefix(XMP)?));
+            }
             0xEE if segment.starts_with(b"Adobe") => self.adobe = segment.get(11).copied(),
             0xC3 => {
                 return Err(unsupported(
@@ -320,7 +328,7 @@ impl<'a> Reader<'a> {
             for component in frame.components.iter_mut().filter(|component| component.is_wanted) {
                 let n_rows = component.n_padded[1];
                 component.transform(0, n_rows);
-                component.blocks = Vec::new();
+                component.groups = Vec::new();
             }
         }
         let n_damaged = frame.rows.iter().filter(|&&row| row != RowState::Whole).count();
@@ -335,7 +343,7 @@ impl<'a> Reader<'a> {
         };
         let gap = (n_damaged > 0).then_some(Gap { damaged_rows: n_damaged, visible });
         let luma = samples::luma(&mut frame, colors, self.side)?;
-        Ok(Picture { width, height, luma, reduction, gap, orientation: self.orientation })
+        Ok(Picture { width, height, luma, reduction, gap, orientation: self.in_exif.or(self.in_xmp) })
     }
 }
 

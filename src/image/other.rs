@@ -22,6 +22,9 @@ pub(super) fn decode(bytes: &[u8], format: Format, limits: &Limits) -> Result<Im
             (Cow::Owned(pixels.bytes), pixels.orientation)
         }
         Format::WebP => (Cow::Borrowed(bytes), containers::orientation_of_webp(bytes)),
+        Format::Pnm if matches!(bytes.get(1), Some(b'1'..=b'3')) => {
+            (Cow::Owned(without_comments(bytes)), None)
+        }
         _ => (Cow::Borrowed(bytes), None),
     };
     let format = match format {
@@ -48,6 +51,13 @@ pub(super) fn decode(bytes: &[u8], format: Format, limits: &Limits) -> Result<Im
     let image =
         Image::from_pixels(width as usize, height as usize, luma).ok_or_else(|| damaged("missing pixels"))?;
     oriented(image, orientation.unwrap_or(Orientation::NoTransforms))
+}
+
+/// A plain PNM without its comments, which the decoder takes in the head alone.
+fn without_comments(bytes: &[u8]) -> Vec<u8> {
+    let lines = bytes.split_inclusive(|&byte| matches!(byte, b'\n' | b'\r'));
+    let told = lines.flat_map(|line| line.split(|&byte| byte == b'#').next().into_iter().chain([&b"\n"[..]]));
+    told.flatten().copied().collect()
 }
 
 /// Luma of decoded samples, whatever they say of transparency.
@@ -89,6 +99,13 @@ fn scaled(luma: impl ExactSizeIterator<Item = u16> + Clone) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn comments_of_plain_pictures_are_passed_over() {
+        let bytes = b"P1 # one\n2 # two\n2\n# pixels 1 1\n1 0\n0 1\n";
+        let image = decode(bytes, Format::Pnm, &Limits::default()).unwrap();
+        assert_eq!(image.pixels(), [0, 255, 255, 0]);
+    }
 
     #[test]
     fn numbers_of_twelve_bits_are_not_black() {

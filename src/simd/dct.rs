@@ -5,76 +5,97 @@ use super::dispatch;
 /// Side of a block of coefficients.
 const SIDE: usize = 8;
 
+/// Blocks that are transformed at once.
+pub const BLOCKS: usize = 8;
+
+/// Neighboring blocks of coefficients: for each coefficient in reading order, that of every block.
+pub type BlockGroup = [[i16; BLOCKS]; SIDE * SIDE];
+
 /// Bits of the fixed-point cosines.
 const COSINE_BITS: u32 = 13;
 
 /// Bits kept beyond whole numbers between the two passes.
 const KEPT_BITS: u32 = 2;
 
+/// The same number of each block.
+type Lanes = [i32; BLOCKS];
+
 dispatch! {
-    /// Turns a row of blocks into 8 rows of samples, `stride` apart. Coefficients are in reading order and
-    /// multiplied by `quantization`. The numbers are those of libjpeg's accurate whole-number transform.
-    /// Panics when `samples` is too short.
-    inverse_dct, inverse_dct_of, (
-        blocks: &[[i16; 64]], quantization: &[i32; 64], samples: &mut [u8], stride: usize,
-    )
+    /// Turns a row of blocks into 8 rows of samples, each 64 for every group of blocks. Coefficients are
+    /// multiplied by `quantization`, in reading order. The numbers are those of libjpeg's accurate
+    /// whole-number transform. Panics when `samples` is too short.
+    inverse_dct, inverse_dct_of, (groups: &[BlockGroup], quantization: &[i32; 64], samples: &mut [u8])
 }
 
 #[inline(always)]
-fn inverse_dct_of(blocks: &[[i16; 64]], quantization: &[i32; 64], samples: &mut [u8], stride: usize) {
-    for (block_idx, block) in blocks.iter().enumerate() {
-        let samples = &mut samples[block_idx * SIDE..];
-        let is_flat = block[1..].iter().fold(0, |any, &coefficient| any | coefficient) == 0;
-        let sides = if is_flat {
-            let mean = i32::from(block[0]).wrapping_mul(quantization[0]).wrapping_add(4) >> 3;
-            [[sample(mean); SIDE]; SIDE]
-        } else {
-            transformed(block, quantization)
-        };
-        for (y, row) in sides.iter().enumerate() {
-            samples[y * stride..][..SIDE].copy_from_slice(row);
-        }
-    }
-}
-
-#[inline(always)]
-fn transformed(block: &[i16; 64], quantization: &[i32; 64]) -> [[u8; SIDE]; SIDE] {
-    let mut columns = [[0i32; SIDE]; SIDE];
-    for (y, row) in columns.iter_mut().enumerate() {
-        for (x, value) in row.iter_mut().enumerate() {
-            *value = i32::from(block[y * SIDE + x]).wrapping_mul(quantization[y * SIDE + x]);
-        }
-    }
-    let rows = transposed(&pass(&columns, COSINE_BITS - KEPT_BITS));
-    // Columns of the picture, each eight samples.
-    let values = transposed(&pass(&rows, COSINE_BITS + KEPT_BITS + 3));
-    values.map(|row| row.map(sample))
-}
-
-#[inline(always)]
-fn transposed(values: &[[i32; SIDE]; SIDE]) -> [[i32; SIDE]; SIDE] {
-    let mut turned = [[0; SIDE]; SIDE];
-    for y in 0..SIDE {
+fn inverse_dct_of(groups: &[BlockGroup], quantization: &[i32; 64], samples: &mut [u8]) {
+    let stride = groups.len() * SIDE * BLOCKS;
+    for (group_idx, group) in groups.iter().enumerate() {
+        let mut rows = [[[0; BLOCKS]; SIDE]; SIDE];
         for x in 0..SIDE {
-            turned[x][y] = values[y][x];
+            let mut column = [[0; BLOCKS]; SIDE];
+            for (y, values) in column.iter_mut().enumerate() {
+                let step = quantization[y * SIDE + x];
+                for (value, &coefficient) in values.iter_mut().zip(&group[y * SIDE + x]) {
+                    *value = i32::from(coefficient).wrapping_mul(step);
+                }
+            }
+            for (row, values) in rows.iter_mut().zip(pass::<{ COSINE_BITS - KEPT_BITS }>(&column)) {
+                row[x] = values;
+            }
+        }
+        for (y, row) in rows.iter().enumerate() {
+            let values = pass::<{ COSINE_BITS + KEPT_BITS + 3 }>(row);
+            let mut columns = [0; SIDE];
+            for (column, values) in columns.iter_mut().zip(&values) {
+                *column = samples_of(values);
+            }
+            let start = y * stride + group_idx * SIDE * BLOCKS;
+            let (blocks, _) = samples[start..start + SIDE * BLOCKS].as_chunks_mut::<SIDE>();
+            for (block, row) in blocks.iter_mut().zip(turned(columns)) {
+                *block = row.to_le_bytes();
+            }
         }
     }
-    turned
 }
 
-/// From the middle of the range to a sample.
+/// From the middle of the range to a sample of each block, the first block lowest.
 #[inline(always)]
-fn sample(value: i32) -> u8 {
-    value.saturating_add(128).clamp(0, 255) as u8
+fn samples_of(values: &Lanes) -> u64 {
+    let mut samples = [0; BLOCKS];
+    // No `map`: it is not compiled for the wide instructions.
+    for (sample, &value) in samples.iter_mut().zip(values) {
+        *sample = value.saturating_add(128).clamp(0, 255) as u8;
+    }
+    u64::from_le_bytes(samples)
 }
 
-/// One-dimensional transforms of eight columns at once (Loeffler, Ligtenberg and Moschytz, with 12
-/// multiplications), rounded to `shift` bits less.
+/// Eight columns of eight bytes to eight rows.
 #[inline(always)]
-fn pass(input: &[[i32; SIDE]; SIDE], shift: u32) -> [[i32; SIDE]; SIDE] {
-    let mut output = [[0; SIDE]; SIDE];
-    for lane in 0..SIDE {
-        let at = |row: usize| input[row][lane];
+fn turned(mut bytes: [u64; SIDE]) -> [u64; SIDE] {
+    // Quarters of 4 x 4 bytes change places, then those of each quarter, then single bytes.
+    let steps = [(4, 0x0000_0000_FFFF_FFFFu64), (2, 0x0000_FFFF_0000_FFFF), (1, 0x00FF_00FF_00FF_00FF)];
+    for (distance, low) in steps {
+        for first in 0..SIDE {
+            if first & distance != 0 {
+                continue;
+            }
+            let (upper, lower) = (bytes[first], bytes[first + distance]);
+            let shift = 8 * distance as u32;
+            bytes[first] = (upper & low) | ((lower & low) << shift);
+            bytes[first + distance] = ((upper >> shift) & low) | (lower & !low);
+        }
+    }
+    bytes
+}
+
+/// A one-dimensional transform of every block (Loeffler, Ligtenberg and Moschytz, with 12 multiplications),
+/// rounded to `SHIFT` bits less.
+#[inline(always)]
+fn pass<const SHIFT: u32>(input: &[Lanes; SIDE]) -> [Lanes; SIDE] {
+    let mut output = [[0; BLOCKS]; SIDE];
+    for lane in 0..BLOCKS {
+        let at = |idx: usize| input[idx][lane];
         let times = |value: i32, factor: i32| value.wrapping_mul(factor);
 
         let common = times(at(2).wrapping_add(at(6)), 4_433);
@@ -103,10 +124,10 @@ fn pass(input: &[[i32; SIDE]; SIDE], shift: u32) -> [[i32; SIDE]; SIDE] {
             times(a, 2_446).wrapping_add(ad).wrapping_add(ac),
         ];
 
-        let half = 1 << (shift - 1);
-        for row in 0..SIDE / 2 {
-            output[row][lane] = even[row].wrapping_add(odd[row]).wrapping_add(half) >> shift;
-            output[SIDE - 1 - row][lane] = even[row].wrapping_sub(odd[row]).wrapping_add(half) >> shift;
+        let half = 1 << (SHIFT - 1);
+        for idx in 0..SIDE / 2 {
+            output[idx][lane] = even[idx].wrapping_add(odd[idx]).wrapping_add(half) >> SHIFT;
+            output[SIDE - 1 - idx][lane] = even[idx].wrapping_sub(odd[idx]).wrapping_add(half) >> SHIFT;
         }
     }
     output
@@ -125,10 +146,14 @@ mod tests {
         ) {
             let mut block = [0i16; 64];
             block[..=kept].copy_from_slice(&coefficients[..=kept]);
-            let mut samples = [0; 64];
-            inverse_dct(&[block], &[step; 64], &mut samples, 8);
-            for (idx, &sample) in samples.iter().enumerate() {
+            // The block is one of eight that have other means.
+            let mut group = block.map(|coefficient| [coefficient; BLOCKS]);
+            group[0] = std::array::from_fn(|lane| block[0] + if lane == 5 { 0 } else { 9 });
+            let mut samples = [0; 8 * 64];
+            inverse_dct(&[group], &[step; 64], &mut samples);
+            for idx in 0..64 {
                 let (x, y) = (idx % 8, idx / 8);
+                let sample = samples[y * 64 + 5 * 8 + x];
                 let wave = |at: usize, k: usize| {
                     let scale = if k == 0 { FRAC_1_SQRT_2 } else { 1.0 };
                     scale * ((2 * at + 1) as f64 * k as f64 * PI / 16.0).cos()
@@ -145,8 +170,9 @@ mod tests {
         fn any_numbers_are_taken(
             block in prop::collection::vec(any::<i16>(), 64), steps in prop::collection::vec(0i32..65_536, 64),
         ) {
-            let mut samples = [0; 64];
-            inverse_dct(&[block.try_into().unwrap()], &steps.try_into().unwrap(), &mut samples, 8);
+            let group: Vec<[i16; BLOCKS]> = block.into_iter().map(|coefficient| [coefficient; BLOCKS]).collect();
+            let mut samples = [0; 8 * 64];
+            inverse_dct(&[group.try_into().unwrap()], &steps.try_into().unwrap(), &mut samples);
         }
     }
 }

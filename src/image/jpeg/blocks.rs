@@ -15,16 +15,16 @@ pub(super) const ZIGZAG: [u8; 64] = [
 
 /// Reads a whole block into one of zeros; `None` where the data makes no sense.
 #[inline(always)]
-pub(super) fn sequential(block: &mut Block, part: &Part, state: &mut State, bits: &mut Bits) -> Option<()> {
+pub(super) fn sequential(mut block: Block, part: &Part, state: &mut State, bits: &mut Bits) -> Option<()> {
     let (dc, ac) = (part.dc?, part.ac?);
     state.last = state.last.wrapping_add(dc.difference(bits)?);
-    block[0] = state.last;
+    *block.at(0) = state.last;
     let mut k = 1;
     while k < 64 {
         match ac.code(bits)? {
             Code::Value { run, value } => {
                 k += run;
-                block[usize::from(*ZIGZAG.get(k)?)] = value;
+                *block.at(usize::from(*ZIGZAG.get(k)?)) = value;
                 k += 1;
             }
             Code::Empty { run: 15 } => k += 16,
@@ -52,7 +52,7 @@ pub(super) fn pass_over(part: &Part, bits: &mut Bits) -> Option<()> {
 
 /// Reads what a pass over a progressive frame brings for a block.
 pub(super) fn progressive(
-    block: &mut Block,
+    mut block: Block,
     part: &Part,
     pass: &Pass,
     state: &mut State,
@@ -61,15 +61,15 @@ pub(super) fn progressive(
     match (pass.band.start, pass.is_first()) {
         (0, true) => {
             state.last = state.last.wrapping_add(part.dc?.difference(bits)?);
-            block[0] = state.last << pass.low;
+            *block.at(0) = state.last << pass.low;
         }
         (0, false) => {
             if bits.take_bit() {
-                block[0] |= 1 << pass.low;
+                *block.at(0) |= 1 << pass.low;
             }
         }
-        (_, true) => first_of_band(block, part.ac?, pass, &mut state.n_empty, bits)?,
-        (_, false) => more_of_band(block, part.ac?, pass, &mut state.n_empty, bits)?,
+        (_, true) => first_of_band(&mut block, part.ac?, pass, &mut state.n_empty, bits)?,
+        (_, false) => more_of_band(&mut block, part.ac?, pass, &mut state.n_empty, bits)?,
     }
     Some(())
 }
@@ -91,7 +91,7 @@ fn first_of_band(
         match ac.code(bits)? {
             Code::Value { run, value } => {
                 k += run;
-                block[usize::from(*ZIGZAG.get(k)?)] = value << pass.low;
+                *block.at(usize::from(*ZIGZAG.get(k)?)) = value << pass.low;
                 k += 1;
             }
             Code::Empty { run: 15 } => k += 16,
@@ -127,7 +127,7 @@ fn more_of_band(
             };
             // Over coefficients that are there already, and as many that stay zero as the run says.
             while k < pass.band.end {
-                let coefficient = &mut block[usize::from(ZIGZAG[k])];
+                let coefficient = block.at(usize::from(ZIGZAG[k]));
                 if *coefficient != 0 {
                     refine(coefficient, bit, bits);
                 } else if run == 0 {
@@ -143,7 +143,7 @@ fn more_of_band(
     }
     if *n_empty > 0 {
         for &position in &ZIGZAG[k.min(pass.band.end)..pass.band.end] {
-            let coefficient = &mut block[usize::from(position)];
+            let coefficient = block.at(usize::from(position));
             if *coefficient != 0 {
                 refine(coefficient, bit, bits);
             }

@@ -2,11 +2,8 @@
 
 use super::super::{ImageError, unsupported};
 use super::{damaged, reduced};
-use crate::simd::inverse_dct;
+use crate::simd::{BLOCKS, BlockGroup, inverse_dct};
 use std::ops::Range;
-
-/// The coefficients of a block of 8 x 8 samples, in reading order.
-pub(super) type Block = [i16; 64];
 
 /// A frame: all that its components have in common.
 pub(super) struct Frame {
@@ -57,10 +54,12 @@ pub(super) struct Component {
     pub is_wanted: bool,
     /// Blocks that hold pixels of the frame, across and down.
     pub n_blocks: [usize; 2],
-    /// The same with those that only fill up the last groups of blocks.
+    /// The same with those that only fill up the last groups of blocks, and those that are transformed at
+    /// once.
     pub n_padded: [usize; 2],
-    /// Of a row of groups of blocks, or of the whole plane where the frame is progressive.
-    pub blocks: Vec<Block>,
+    /// The coefficients of a row of blocks after the other; of as many as scans interleave, or of the whole
+    /// plane where the frame is progressive.
+    pub groups: Vec<BlockGroup>,
     /// For each coefficient in zigzag order: the bits that are still to come, in a progressive frame.
     pub missing_bits: [Option<u8>; 64],
     /// Whether a scan brought its first coefficients.
@@ -123,8 +122,8 @@ impl Frame {
                     (width * factors.across).div_ceil(8 * largest.across),
                     (height * factors.down).div_ceil(8 * largest.down),
                 ],
-                n_padded: [group[0] * factors.across, group[1] * factors.down],
-                blocks: Vec::new(),
+                n_padded: [(group[0] * factors.across).next_multiple_of(BLOCKS), group[1] * factors.down],
+                groups: Vec::new(),
                 missing_bits: [None; 64],
                 was_sent: false,
                 side: 8,
@@ -151,7 +150,7 @@ impl Frame {
         let planes = self.components.iter().filter(|component| component.is_wanted).map(|component| {
             let [across, down] = component.n_padded.map(|n_blocks| n_blocks as u64);
             let rows_kept = if self.is_progressive { down } else { component.factors.down as u64 };
-            across * (down * (side * side) as u64 + rows_kept * size_of::<Block>() as u64)
+            across * (down * (side * side) as u64 + rows_kept * (size_of::<BlockGroup>() / BLOCKS) as u64)
         });
         let [width, height] = self.size_at(side).map(|side| side as u64);
         planes.sum::<u64>() + width * height
@@ -163,7 +162,7 @@ impl Frame {
             let [across, down] = component.n_padded;
             let rows_kept = if self.is_progressive { down } else { component.factors.down };
             component.side = side;
-            component.blocks = vec![[0; 64]; across * rows_kept];
+            component.groups = vec![[[0; BLOCKS]; 64]; across / BLOCKS * rows_kept];
             component.samples = vec![128; across * down * side * side];
         }
     }
@@ -191,6 +190,31 @@ impl Frame {
     }
 }
 
+/// One block of coefficients among its neighbors.
+pub(super) struct Block<'a> {
+    group: &'a mut BlockGroup,
+    lane: usize,
+}
+
+impl<'a> Block<'a> {
+    /// Block number `idx` of groups.
+    #[inline(always)]
+    pub(super) fn of(groups: &'a mut [BlockGroup], idx: usize) -> Self {
+        Self { group: &mut groups[idx / BLOCKS], lane: idx % BLOCKS }
+    }
+
+    /// The coefficient at a position in reading order.
+    #[inline(always)]
+    pub(super) fn at(&mut self, position: usize) -> &mut i16 {
+        &mut self.group[position][self.lane % BLOCKS]
+    }
+
+    /// Sets all coefficients to zero.
+    pub(super) fn clear(&mut self) {
+        (0..64).for_each(|position| *self.at(position) = 0);
+    }
+}
+
 impl Component {
     /// Turns kept rows of blocks into samples: `n_rows` of them, of which the first is `row` in the plane.
     pub(super) fn transform(&mut self, row: usize, n_rows: usize) {
@@ -198,10 +222,10 @@ impl Component {
         let (across, side) = (self.n_padded[0], self.side);
         let row_of_samples = across * side * side;
         let samples = self.samples.chunks_exact_mut(row_of_samples).skip(row);
-        for (blocks, samples) in self.blocks.chunks_exact(across).zip(samples).take(n_rows) {
+        for (groups, samples) in self.groups.chunks_exact(across / BLOCKS).zip(samples).take(n_rows) {
             match side {
-                8 => inverse_dct(blocks, quantization, samples, across * side),
-                _ => reduced::inverse_dct(blocks, quantization, samples, side),
+                8 => inverse_dct(groups, quantization, samples),
+                _ => reduced::inverse_dct(groups, quantization, samples, side),
             }
         }
     }

@@ -5,15 +5,12 @@ use super::bits::Bits;
 /// Codes up to this length are looked up at once, with the value that follows where both fit.
 const LOOKUP_BITS: u32 = 10;
 
-/// An entry of the lookup: the value, the symbol, whether the value is right, and the bits to step over.
-#[derive(Clone, Copy, Default)]
-struct Entry {
-    value: i16,
-    symbol: u8,
-    /// 0 where the code is longer than [`LOOKUP_BITS`]; the value's bits are counted where it is there.
-    length: u8,
-    has_value: bool,
-}
+/// What the next bits mean: from the lowest bit on 8 bits of length, [`HAS_VALUE`], the symbol and the value.
+/// The length is 0 where the code is longer than [`LOOKUP_BITS`]; the value's bits are counted where it is there.
+type Entry = u32;
+
+/// Whether the value is there.
+const HAS_VALUE: Entry = 1 << 7;
 
 /// A Huffman table.
 pub(super) struct Table {
@@ -47,7 +44,7 @@ impl Table {
     /// codes than bits can tell apart.
     pub(super) fn new(counts: &[u8; 16], symbols: &[u8]) -> Option<Self> {
         let mut table = Self {
-            lookup: vec![Entry::default(); 1 << LOOKUP_BITS],
+            lookup: vec![0; 1 << LOOKUP_BITS],
             limits: [0; 17],
             offsets: [0; 17],
             symbols: symbols.to_vec(),
@@ -89,11 +86,10 @@ impl Table {
         let n_free = LOOKUP_BITS - length;
         let size = u32::from(symbol & 15);
         for rest in 0..1 << n_free {
-            let mut entry = Entry { value: 0, symbol, length: length as u8, has_value: false };
+            let mut entry = length | Entry::from(symbol) << 8;
             if (1..=n_free).contains(&size) {
-                entry.value = extended(rest >> (n_free - size), size);
-                entry.length += size as u8;
-                entry.has_value = true;
+                let value = extended(rest >> (n_free - size), size);
+                entry = (entry + size) | HAS_VALUE | Entry::from(value.cast_unsigned()) << 16;
             }
             self.lookup[(code << n_free | rest) as usize] = entry;
         }
@@ -104,9 +100,10 @@ impl Table {
     pub(super) fn code(&self, bits: &mut Bits) -> Option<Code> {
         bits.refill();
         let entry = self.lookup[bits.peek(LOOKUP_BITS) as usize];
-        if entry.has_value {
-            bits.skip(u32::from(entry.length));
-            return Some(Code::Value { run: usize::from(entry.symbol >> 4), value: entry.value });
+        if entry & HAS_VALUE != 0 {
+            bits.skip(entry & 0x1F);
+            let run = (entry >> 12 & 15) as usize;
+            return Some(Code::Value { run, value: ((entry >> 16) as u16).cast_signed() });
         }
         let symbol = self.finish_symbol(entry, bits)?;
         let (run, size) = (usize::from(symbol >> 4), u32::from(symbol & 15));
@@ -128,9 +125,9 @@ impl Table {
 
     #[inline(always)]
     fn finish_symbol(&self, entry: Entry, bits: &mut Bits) -> Option<u8> {
-        if entry.length > 0 {
-            bits.skip(u32::from(entry.length));
-            return Some(entry.symbol);
+        if entry != 0 {
+            bits.skip(entry & 0x1F);
+            return Some((entry >> 8) as u8);
         }
         let ahead = bits.peek(16);
         let length = (LOOKUP_BITS as usize + 1..=16).find(|&length| ahead < self.limits[length])?;

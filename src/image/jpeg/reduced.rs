@@ -1,6 +1,6 @@
 //! Inverse cosine transforms to fewer samples, for frames that are read smaller.
 
-use super::frame::Block;
+use crate::simd::{BLOCKS, BlockGroup};
 
 /// Bits of the fixed-point waves.
 const WAVE_BITS: u32 = 12;
@@ -22,32 +22,32 @@ const TWO: [[i32; 2]; 2] = [[ONE, ONE], [ONE, -ONE]];
 const SINGLE: [[i32; 1]; 1] = [[ONE]];
 
 /// Turns a row of blocks into `side` rows of samples (1, 2 or 4), of the lowest frequencies alone. A row of
-/// samples is as long as `blocks` are wide.
-pub(super) fn inverse_dct(blocks: &[Block], quantization: &[i32; 64], samples: &mut [u8], side: usize) {
+/// samples is as long as all blocks are wide.
+pub(super) fn inverse_dct(groups: &[BlockGroup], quantization: &[i32; 64], samples: &mut [u8], side: usize) {
     match side {
-        1 => inverse_dct_to(blocks, quantization, samples, &SINGLE),
-        2 => inverse_dct_to(blocks, quantization, samples, &TWO),
-        _ => inverse_dct_to(blocks, quantization, samples, &FOUR),
+        1 => inverse_dct_to(groups, quantization, samples, &SINGLE),
+        2 => inverse_dct_to(groups, quantization, samples, &TWO),
+        _ => inverse_dct_to(groups, quantization, samples, &FOUR),
     }
 }
 
 fn inverse_dct_to<const SIDE: usize>(
-    blocks: &[Block],
+    groups: &[BlockGroup],
     quantization: &[i32; 64],
     samples: &mut [u8],
     waves: &[[i32; SIDE]; SIDE],
 ) {
-    let stride = blocks.len() * SIDE;
-    // Large coefficients of damaged streams must not leave the range of numbers.
-    let coefficient = |block: &Block, idx: usize| {
-        (i32::from(block[idx]).saturating_mul(quantization[idx])).clamp(-32_768, 32_767)
-    };
-    for (block_idx, block) in blocks.iter().enumerate() {
+    let stride = groups.len() * BLOCKS * SIDE;
+    for block_idx in 0..groups.len() * BLOCKS {
+        let (group, lane) = (&groups[block_idx / BLOCKS], block_idx % BLOCKS);
+        // Large coefficients of damaged streams must not leave the range of numbers.
+        let coefficient =
+            |idx: usize| i32::from(group[idx][lane]).saturating_mul(quantization[idx]).clamp(-32_768, 32_767);
         // Columns first: what is kept are whole numbers times 2^WAVE_BITS.
         let mut columns = [[0i64; SIDE]; SIDE];
         for (y, row) in columns.iter_mut().enumerate() {
             for (u, value) in row.iter_mut().enumerate() {
-                *value = (0..SIDE).map(|v| i64::from(waves[y][v] * coefficient(block, v * 8 + u) / 8)).sum();
+                *value = (0..SIDE).map(|v| i64::from(waves[y][v] * coefficient(v * 8 + u) / 8)).sum();
             }
         }
         for (y, row) in columns.iter().enumerate() {
@@ -64,26 +64,27 @@ fn inverse_dct_to<const SIDE: usize>(
 mod tests {
     use super::*;
 
+    /// The samples of the second of eight blocks.
+    fn transformed(coefficients: &[(usize, i16)], quantization: i32, side: usize) -> Vec<u8> {
+        let mut group = [[0; BLOCKS]; 64];
+        for &(position, coefficient) in coefficients {
+            group[position][1] = coefficient;
+        }
+        let mut samples = vec![0; side * side * BLOCKS];
+        inverse_dct(&[group], &[quantization; 64], &mut samples, side);
+        samples.chunks(side * BLOCKS).flat_map(|row| &row[side..2 * side]).copied().collect()
+    }
+
     #[test]
     fn one_sample_is_the_mean() {
-        let mut block = [0; 64];
-        block[0] = 100;
-        block[1] = 77;
-        let mut samples = [0; 1];
-        inverse_dct(&[block], &[2; 64], &mut samples, 1);
-        assert_eq!(samples, [153]);
+        assert_eq!(transformed(&[(0, 100), (1, 77)], 2, 1), [153]);
     }
 
     #[test]
     fn waves_rise_and_fall() {
-        let mut block = [0; 64];
-        block[1] = 400;
-        let mut samples = [0; 16];
-        inverse_dct(&[block], &[1; 64], &mut samples, 4);
+        let samples = transformed(&[(1, 400)], 1, 4);
         assert_eq!(samples[..4], [193, 155, 101, 63]);
         assert_eq!(samples[..4], samples[12..]);
-        let mut samples = [0; 4];
-        inverse_dct(&[block], &[1; 64], &mut samples, 2);
-        assert_eq!(samples, [178, 78, 178, 78]);
+        assert_eq!(transformed(&[(1, 400)], 1, 2), [178, 78, 178, 78]);
     }
 }

@@ -2,8 +2,9 @@
 
 use super::bits::Bits;
 use super::blocks;
-use super::frame::{Component, Frame, RowState};
+use super::frame::{Block, Component, Frame, RowState};
 use super::huffman::Table;
+use crate::simd::BLOCKS;
 use std::ops::Range;
 
 /// A scan, as its header says.
@@ -165,11 +166,18 @@ impl Walk<'_> {
                 let first = block_row * component.n_padded[0] + column * across;
                 for idx in first..first + across {
                     match (is_progressive, component.is_wanted) {
-                        (false, true) => blocks::sequential(&mut component.blocks[idx], part, state, bits)?,
                         (false, false) => blocks::pass_over(part, bits)?,
+                        (false, true) => {
+                            let block = Block::of(&mut component.groups, idx);
+                            blocks::sequential(block, part, state, bits)?;
+                        }
                         (true, is_wanted) => {
-                            let unwanted = &mut [0; 64];
-                            let block = if is_wanted { &mut component.blocks[idx] } else { unwanted };
+                            let mut unwanted = [[[0; BLOCKS]; 64]];
+                            let block = if is_wanted {
+                                Block::of(&mut component.groups, idx)
+                            } else {
+                                Block::of(&mut unwanted, 0)
+                            };
                             blocks::progressive(block, part, &self.scan.pass, state, bits)?;
                         }
                     }
@@ -190,7 +198,7 @@ impl Walk<'_> {
             if component.is_wanted {
                 for y in 0..down {
                     let first = y * component.n_padded[0] + column * across;
-                    component.blocks[first..first + across].fill([0; 64]);
+                    (first..first + across).for_each(|idx| Block::of(&mut component.groups, idx).clear());
                 }
             }
         }
@@ -215,7 +223,7 @@ impl Walk<'_> {
             let component: &mut Component = &mut self.frame.components[part.component_idx];
             if component.is_wanted {
                 component.transform(self.row * down, down);
-                component.blocks.fill([0; 64]);
+                component.groups.fill([[0; BLOCKS]; 64]);
             }
         }
     }
