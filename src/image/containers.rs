@@ -64,3 +64,67 @@ pub(super) fn orientation_of_webp(bytes: &[u8]) -> Option<Orientation> {
     }
     in_exif.or(in_xmp)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::exif::tests::exif;
+    use super::super::{Image, ImageError, Limits};
+    use super::*;
+    use image::{DynamicImage, ImageFormat};
+    use std::io::Cursor;
+
+    fn png() -> Vec<u8> {
+        let mut bytes = Vec::new();
+        let picture = DynamicImage::new_luma8(30, 20);
+        picture.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).unwrap();
+        bytes
+    }
+
+    /// The picture with a chunk before its pixels, or behind them. Its checksum is never looked at.
+    fn with_chunk(kind: &[u8; 4], content: &[u8], is_behind: bool) -> Vec<u8> {
+        let png = png();
+        let at = if is_behind { png.len() - 12 } else { 33 };
+        let length = (content.len() as u32).to_be_bytes();
+        [&png[..at], &length, kind, content, b"\0\0\0\0", &png[at..]].concat()
+    }
+
+    #[test]
+    fn profiles_and_texts_do_not_reach_the_decoder() {
+        for kind in [b"iCCP", b"zTXt", b"iTXt", b"tEXt", b"cHRM"] {
+            let png = with_chunk(kind, &[b'x'; 3000], false);
+            let pixels = pixels_of_png(&png).unwrap();
+            assert!(pixels.bytes.len() < 1000 && pixels.orientation.is_none());
+            assert!(Image::decode(&png, &Limits::default()).is_ok());
+        }
+    }
+
+    #[test]
+    fn orientation_is_read_before_the_pixels_and_behind_them() {
+        let exif = exif(6, false, true);
+        for is_behind in [false, true] {
+            let image = Image::decode(&with_chunk(b"eXIf", &exif, is_behind), &Limits::default()).unwrap();
+            assert_eq!((image.width(), image.height()), (20, 30));
+        }
+    }
+
+    #[test]
+    fn chunks_that_lie_about_their_length_end_the_picture() {
+        let mut png = png();
+        png[33..37].copy_from_slice(&u32::MAX.to_be_bytes());
+        assert!(matches!(Image::decode(&png, &Limits::default()), Err(ImageError::Damaged(_))));
+        let phone = with_chunk(b"CgBI", &[0; 4], false);
+        assert!(matches!(Image::decode(&phone, &Limits::default()), Err(ImageError::Unsupported { .. })));
+    }
+
+    #[test]
+    fn chunks_of_webp_are_walked_to_the_end() {
+        let exif = exif(3, true, false);
+        let length = (exif.len() as u32).to_le_bytes();
+        let odd = [&b"RIFF\0\0\0\0WEBP"[..], b"ICCP\x03\0\0\0abc\0", b"EXIF", &length, &exif].concat();
+        assert_eq!(orientation_of_webp(&odd), Some(Orientation::Rotate180));
+        for end in 0..odd.len() - 4 {
+            let _ = orientation_of_webp(&odd[..end]);
+        }
+        assert_eq!(orientation_of_webp(b"RIFF\0\0\0\0WEBPEXIF\xFF\xFF\xFF\xFFII"), None);
+    }
+}

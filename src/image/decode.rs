@@ -4,7 +4,7 @@ use super::format::{self, Format};
 use super::{Gap, Image, ImageError, Limits, Region, jpeg, other};
 use image::metadata::Orientation;
 use image::{DynamicImage, GrayImage};
-use std::panic::catch_unwind;
+use std::panic::{UnwindSafe, catch_unwind};
 
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
     if bytes.len() > limits.max_bytes {
@@ -12,12 +12,15 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError>
         return Err(ImageError::TooLarge(format!("{n_bytes} bytes; the limit is {}", limits.max_bytes)));
     }
     let format = format::guess(bytes)?;
-    // A defect of a decoder costs the frame that brings it out, not the training that the frame is part of.
-    catch_unwind(|| match format {
+    contained(|| match format {
         Format::Jpeg => decode_jpeg(bytes, limits),
         format => other::decode(bytes, format, limits),
     })
-    .unwrap_or(Err(ImageError::Broken))
+}
+
+/// A defect of a decoder costs the frame that brings it out, not the training that the frame is part of.
+fn contained(decode: impl FnOnce() -> Result<Image, ImageError> + UnwindSafe) -> Result<Image, ImageError> {
+    catch_unwind(decode).unwrap_or(Err(ImageError::Broken))
 }
 
 fn decode_jpeg(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
@@ -180,6 +183,31 @@ mod tests {
             let cut = &bytes[..bytes.len() / 2];
             let result = Image::decode(cut, &Limits::default());
             assert!(matches!(result, Err(ImageError::Damaged(_))), "{format:?}: {result:?}");
+        }
+    }
+
+    #[test]
+    fn a_panic_costs_the_frame_alone() {
+        let result = contained(|| panic!("a defect that a test brings out"));
+        assert_eq!(result, Err(ImageError::Broken));
+    }
+
+    #[test]
+    fn regions_are_turned_with_their_pixels() {
+        let region = Region { left: 0, top: 1, right: 4, bottom: 2 };
+        for number in 1..=8 {
+            let orientation = Orientation::from_exif(number).unwrap();
+            let mut image = Image::from_pixels(4, 3, vec![9, 9, 9, 9, 0, 1, 2, 3, 9, 9, 9, 9]).unwrap();
+            image.gap = Some(Gap { damaged_rows: 2, visible: region });
+            let turned = oriented(image, orientation).unwrap();
+            let visible = turned.visible().unwrap();
+            for y in 0..turned.height() {
+                for x in 0..turned.width() {
+                    let is_in = (visible.left..visible.right).contains(&x)
+                        && (visible.top..visible.bottom).contains(&y);
+                    assert_eq!(turned.row(y)[x] < 9, is_in, "{number}: {x} {y}");
+                }
+            }
         }
     }
 

@@ -12,6 +12,8 @@ mod huffman;
 mod reduced;
 mod samples;
 mod scan;
+#[cfg(test)]
+mod tests;
 
 use super::{Gap, ImageError, Limits, Region, check_size, damaged, exif, unsupported};
 use blocks::ZIGZAG;
