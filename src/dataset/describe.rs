@@ -35,6 +35,7 @@ pub struct Copied {
 impl Dataset {
     /// Describes all frames in parallel, in a fixed order. `on_frame` is called after each.
     pub fn describe(&self, extractor: &Extractor, limits: &Limits, on_frame: impl Fn() + Sync) -> Described {
+        let limits = &limits.enough_for(extractor.longest_side());
         let describe = |scratch: &mut Scratch, frame: &super::Frame| {
             let described = frame.read_encoded(limits).and_then(|bytes| {
                 let features = extractor.extract(&frame.decode(&bytes, limits)?, scratch);
