@@ -16,6 +16,7 @@ mod output;
 mod recognize;
 mod replay;
 mod serve;
+mod service;
 mod simulate;
 mod train;
 mod tune;

@@ -1,8 +1,8 @@
 //! Connections: how many, how long, and how they end.
 
-use super::App;
 use super::routes::router;
 use super::watch::watch;
+use super::{App, tls};
 use hyper::Request;
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
@@ -18,6 +18,7 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
+use tokio_util::either::Either;
 
 /// The most that is read ahead on one connection, and so the longest head of a request. What is no HTTP
 /// or exceeds it is answered by hyper, before there is a request: with 400 or 431 and no body.
@@ -37,6 +38,7 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         service: TowerToHyperService::new(router(app.clone())),
         permits: Arc::new(Semaphore::new(app.settings.max_connections)),
         header_timeout: app.settings.header_timeout(),
+        app: app.clone(),
         listener,
         stopped,
     };
@@ -47,6 +49,14 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         let app = app.clone();
         async move { match app.metrics.tidy().await {} }
     });
+    aside.spawn({
+        let app = app.clone();
+        async move { match app.refusals.tell().await {} }
+    });
+    if app.speaks_tls() {
+        let app = app.clone();
+        aside.spawn(async move { match tls::watch(app).await {} });
+    }
     let mut connections = JoinSet::new();
     tokio::select! {
         never = acceptor.run(&mut connections, Life::UntilStop) => match never {},
@@ -75,6 +85,7 @@ enum Life {
 }
 
 struct Acceptor {
+    app: App,
     listener: TcpListener,
     service: TowerToHyperService<axum::Router>,
     permits: Arc<Semaphore>,
@@ -125,17 +136,22 @@ impl Acceptor {
             request.extensions_mut().insert(peer);
             router.call(request)
         });
-        let connection = http1::Builder::new()
-            .timer(TokioTimer::new())
+        let mut http = http1::Builder::new();
+        http.timer(TokioTimer::new())
             .header_read_timeout(self.header_timeout)
             .max_buf_size(MAX_BUFFER_BYTES)
-            .keep_alive(life == Life::UntilStop)
-            .serve_connection(TokioIo::new(stream), service)
-            .with_upgrades();
-        let stopped = self.stopped.clone();
+            .keep_alive(life == Life::UntilStop);
+        let (app, stopped) = (self.app.clone(), self.stopped.clone());
         async move {
             let _permit = permit;
-            let mut connection = pin!(connection);
+            let stream = match &app.tls {
+                None => Either::Left(stream),
+                Some(tls) => match tls.accept(stream).await {
+                    Ok(stream) => Either::Right(stream),
+                    Err(error) => return tracing::debug!(peer = %peer.0, %error, "a handshake of TLS failed"),
+                },
+            };
+            let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service).with_upgrades());
             let result = tokio::select! {
                 result = connection.as_mut() => result,
                 () = stop(stopped), if life == Life::UntilStop => {

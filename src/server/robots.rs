@@ -1,6 +1,7 @@
 //! Who streams, for dashboards.
 
 use super::App;
+use super::auth::Key;
 use super::openapi::{RobotProblems, ViewerProblems};
 use super::problem::Problem;
 use crate::protocol::event::{FrameCounts, PastAnswer, RobotInfo, RobotList, RobotName};
@@ -9,7 +10,7 @@ use crate::protocol::stream::{DropReason, Mode, StreamResult};
 use axum::Json;
 use axum::extract::{Path, State};
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 /// The last answers that are kept of a stream.
@@ -18,6 +19,8 @@ const N_ANSWERS: usize = 16;
 /// What dashboards may know of one stream; written by its task, read by anyone.
 pub struct Record {
     session: String,
+    /// What opened it.
+    key: Option<Arc<Key>>,
     began: Instant,
     known: Mutex<Known>,
 }
@@ -42,9 +45,9 @@ struct Told {
 }
 
 impl Record {
-    /// Of a stream that begins.
-    pub fn new(session: String) -> Self {
-        Self { session, began: Instant::now(), known: Mutex::default() }
+    /// Of a stream that begins, opened with a key where there are keys.
+    pub fn new(session: String, key: Option<Arc<Key>>) -> Self {
+        Self { session, key, began: Instant::now(), known: Mutex::default() }
     }
 
     /// The stream is configured so.
@@ -97,6 +100,11 @@ impl Record {
         *self.known().frames.dropped.entry(reason).or_default() += 1;
     }
 
+    /// What opened it.
+    pub fn key(&self) -> Option<&Key> {
+        self.key.as_deref()
+    }
+
     /// Whose stream it is.
     pub fn name(&self) -> RobotName {
         RobotName { session: self.session.clone(), robot: self.known().robot.clone() }
@@ -115,6 +123,7 @@ impl Record {
         };
         RobotInfo {
             name,
+            key: self.key().map(|key| key.name().to_owned()),
             connected: known.connected,
             streaming_s: self.began.elapsed().as_secs_f64(),
             mode: known.mode,

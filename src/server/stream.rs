@@ -22,14 +22,14 @@ mod teller;
 mod turn;
 
 use super::App;
-use super::auth::{AuthError, KeyName, subprotocols};
+use super::auth::{Key, KeyName, subprotocols};
 use super::openapi::StreamProblems;
 use super::problem::Problem;
 use super::robots::Record;
 use crate::protocol::stream::{KEY_SUBPROTOCOL_PREFIX, SUBPROTOCOL, StreamQuery, StreamSettings};
 use axum::Extension;
 use axum::extract::{Query, Request, State};
-use axum::http::{HeaderMap, HeaderValue, Uri, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
 use hyper::upgrade::OnUpgrade;
 use session::Session;
@@ -65,7 +65,7 @@ struct Arrival {
 
 /// A robot at the door.
 struct Caller {
-    key: Option<KeyName>,
+    key: Option<Arc<Key>>,
     query: StreamQuery,
     settings: StreamSettings,
 }
@@ -118,7 +118,7 @@ impl Streams {
 )]
 pub async fn connect(
     State(app): State<App>,
-    key: Option<Extension<KeyName>>,
+    key: Option<Extension<Arc<Key>>>,
     mut request: Request,
 ) -> Result<Response, Problem> {
     let Query(query) = Query::<StreamQuery>::try_from_uri(request.uri())
@@ -126,11 +126,11 @@ pub async fn connect(
     if app.is_draining() {
         return Err(Problem::Draining);
     }
-    if app.settings.keys.is_empty() && is_from_another_site(request.headers()) {
-        return Err(AuthError::Origin.into());
-    }
     let key = key.map(|Extension(key)| key);
-    let initial = settings::initial(&app.registry, key.as_ref().map(|key| key.0.as_str()));
+    if let Some(robot) = &query.robot {
+        app.keyring.check_robot(key.as_deref(), robot)?;
+    }
+    let initial = settings::initial(&app.registry, key.as_ref().map(|key| key.robot()));
     let settings = settings::changed(&initial, query.change(), &app.registry)?;
     let (mut response, upgrade) = socket::handshake(&mut request).map_err(Problem::NoWebSocket)?;
     if let Some(protocol) = spoken(request.headers())? {
@@ -150,7 +150,8 @@ async fn welcome(app: App, upgrade: OnUpgrade, Caller { key, query, settings }: 
     let write_timeout = app.settings.stream_write_timeout();
     let socket = Socket::open(upgraded, app.settings.max_frame_bytes, write_timeout).await;
     let mut arrival = Arrival { socket, is_resumed: true, last_seq: query.last_seq };
-    if let Some(arrivals) = query.session.and_then(|id| app.streams.arrivals(&id, key.as_ref())) {
+    let key_name = key.as_ref().map(|key| KeyName(key.name().to_owned()));
+    if let Some(arrivals) = query.session.and_then(|id| app.streams.arrivals(&id, key_name.as_ref())) {
         match arrivals.send(arrival).await {
             Ok(()) => return,
             // The stream has just ended.
@@ -161,13 +162,13 @@ async fn welcome(app: App, upgrade: OnUpgrade, Caller { key, query, settings }: 
     let (Ok(_permit), Ok(id)) = (app.streams.permits.clone().try_acquire_owned(), new_id()) else {
         return arrival.socket.close(Close::TooMany).await;
     };
-    let record = Arc::new(Record::new(id.clone()));
+    let record = Arc::new(Record::new(id.clone(), key));
     let session = match Session::new(app.clone(), id.clone(), settings, record.clone()) {
         Ok(session) => session,
         Err(problem) => return tracing::warn!(%problem, "a stream has no model"),
     };
     let (sender, arrivals) = mpsc::channel(1);
-    app.streams.entries().insert(id.clone(), Entry { arrivals: sender, key, record });
+    app.streams.entries().insert(id.clone(), Entry { arrivals: sender, key: key_name, record });
     tracing::info!(session = id, "a stream begins");
     session.run(arrival, arrivals).await;
     app.streams.entries().remove(&id);
@@ -193,31 +194,12 @@ fn spoken(headers: &HeaderMap) -> Result<Option<HeaderValue>, Problem> {
     }
 }
 
-/// Whether a browser says that a page of another site asks. Without keys such a page could stream, and read
-/// the answers, where only this machine is meant to.
-fn is_from_another_site(headers: &HeaderMap) -> bool {
-    let Some(origin) = headers.get(header::ORIGIN) else { return false };
-    let authority = || origin.to_str().ok()?.parse::<Uri>().ok()?.authority().map(ToString::to_string);
-    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
-    authority().as_deref() != host
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn headers(pairs: &[(header::HeaderName, &'static str)]) -> HeaderMap {
         pairs.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value))).collect()
-    }
-
-    #[test]
-    fn only_pages_of_this_service_may_stream_without_a_key() {
-        let asks =
-            |origin, host| is_from_another_site(&headers(&[(header::ORIGIN, origin), (header::HOST, host)]));
-        assert!(!is_from_another_site(&headers(&[(header::HOST, "robot:8080")])));
-        assert!(!asks("http://robot:8080", "robot:8080"));
-        assert!(asks("http://evil.example", "robot:8080"));
-        assert!(asks("null", "robot:8080"));
     }
 
     #[test]

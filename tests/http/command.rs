@@ -80,7 +80,14 @@ impl Drop for Running {
 #[test]
 fn serve_gets_ready_and_ends_well_when_told() {
     let models = models();
-    let mut running = Running::start(&["--models", models.path().to_str().unwrap(), "--log-format", "json"]);
+    let mut running = Running::start(&[
+        "--models",
+        models.path().to_str().unwrap(),
+        "--log-format",
+        "json",
+        "--set",
+        "log_level=debug",
+    ]);
     let log = running.stop();
     let answered: serde_json::Value =
         serde_json::from_str(log.lines().find(|line| line.contains("answered")).unwrap()).unwrap();

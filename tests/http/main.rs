@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+mod access;
 mod calls;
 mod command;
 mod kill;
@@ -14,4 +15,5 @@ mod robot;
 mod service;
 mod stream;
 mod stream_property;
+mod tls;
 mod trace;

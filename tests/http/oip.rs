@@ -200,7 +200,7 @@ async fn limits_hold_before_bodies_are_read() {
     let settings = Settings { max_batch_bytes: 1000, threads: 1, queue: 0, ..Settings::default() };
     let server = Server::start(settings).await;
     let head = |path: &str, n_bytes: usize| {
-        format!("POST {path} HTTP/1.1\r\nhost: x\r\ncontent-length: {n_bytes}\r\n\r\n")
+        format!("POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-length: {n_bytes}\r\n\r\n")
     };
     let long = read_raw(server.send_raw(head(INFER, 1001).as_bytes())).await;
     assert!(long.starts_with("HTTP/1.1 413 ") && long.contains("{\"error\":"), "{long}");
@@ -265,7 +265,7 @@ async fn keys_open_what_their_role_may() {
     refused(unload.send().await.unwrap(), 403, "role").await;
     refused(server.get("/v2").send().await.unwrap(), 401, "key").await;
     success(server.get("/v2/health/ready").send().await.unwrap()).await;
-    let head = format!("POST {INFER} HTTP/1.1\r\nhost: x\r\ncontent-length: 1000000\r\n\r\n");
+    let head = format!("POST {INFER} HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1000000\r\n\r\n");
     let unread = read_raw(server.send_raw(head.as_bytes())).await;
     assert!(unread.starts_with("HTTP/1.1 401 ") && unread.contains("{\"error\":"), "{unread}");
 }

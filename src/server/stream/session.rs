@@ -24,6 +24,7 @@ use crate::server::registry::Choice;
 use crate::server::robots::Record;
 use crate::server::trace::FrameSpans;
 use axum::body::Bytes;
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
@@ -146,6 +147,8 @@ impl Session {
                 return End::Lost;
             }
         }
+        let record = self.record.clone();
+        let mut revoked = pin!(app.keyring.revoked(record.key()));
         let every = app.settings.stream_ping();
         let mut pings = interval_at(tokio::time::Instant::now() + every, every);
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -155,6 +158,7 @@ impl Session {
             let said = tokio::select! {
                 biased;
                 () = app.stopping.cancelled() => return self.drain(socket).await,
+                () = revoked.as_mut() => return Over::Close(Close::Revoked).end(socket, &app.streams),
                 Some(news) = self.news.recv() => self.hear(news),
                 Some(arrival) = arrivals.recv() => {
                     app.streams.spawn(socket.close(Close::Replaced));
@@ -232,11 +236,12 @@ impl Session {
 
     /// Goes on with the frames that were accepted, until the robot comes back or its time is up.
     async fn wait_for_return(&mut self, arrivals: &mut mpsc::Receiver<Arrival>) -> Option<Arrival> {
-        let app = self.app.clone();
+        let (app, record) = (self.app.clone(), self.record.clone());
         let returned = async {
             loop {
                 tokio::select! {
                     () = app.stopping.cancelled() => return None,
+                    () = app.keyring.revoked(record.key()) => return None,
                     Some(news) = self.news.recv() => { self.hear(news); }
                     arrival = arrivals.recv() => return arrival,
                 }
@@ -387,6 +392,9 @@ impl Session {
             let message: ClientMessage = serde_json::from_str(message)
                 .map_err(|error| Problem::Query(format!("the text message cannot be read: {error}")))?;
             let ClientMessage::Configure(change) = message;
+            if let Some(robot) = &change.robot {
+                self.app.keyring.check_robot(self.record.key(), robot)?;
+            }
             settings::changed(&self.settings, change, &self.app.registry)
         };
         match read() {

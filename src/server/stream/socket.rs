@@ -63,6 +63,8 @@ pub enum Close {
     TooMany,
     /// The stream goes on over another connection.
     Replaced,
+    /// The key that opened it is valid no longer.
+    Revoked,
 }
 
 impl Close {
@@ -73,6 +75,7 @@ impl Close {
             Self::TooLong => (CloseCode::Size, "the message is longer than limits.max_frame_bytes"),
             Self::Malformed => (CloseCode::Policy, "no valid message; frames are binary, all else is text"),
             Self::TooMany => (CloseCode::Again, "too many streams; try again later"),
+            Self::Revoked => (CloseCode::Policy, "the key that opened the stream is valid no longer"),
             Self::Replaced => (CloseCode::Policy, "the stream was resumed over another connection"),
         };
         CloseFrame { code, reason: Utf8Bytes::from_static(reason) }
