@@ -87,7 +87,7 @@ fn viewers() -> OpenApiRouter<App> {
 }
 
 fn holders() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(session::sign_in)).merge(oip::holders())
+    OpenApiRouter::new().routes(routes!(session::sign_in, session::sign_out)).merge(oip::holders())
 }
 
 fn admins() -> OpenApiRouter<App> {
@@ -104,7 +104,6 @@ fn anyone() -> OpenApiRouter<App> {
         .routes(routes!(live))
         .routes(routes!(ready))
         .routes(routes!(show_problem))
-        .routes(routes!(session::sign_out))
         .merge(oip::anyone())
 }
 

@@ -54,6 +54,12 @@ impl Running {
         running
     }
 
+    /// Sends it a signal.
+    pub fn signal(&self, name: &str) {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args([&format!("-{name}"), &id]).status().unwrap().success());
+    }
+
     /// Kills it, whatever it is doing.
     pub fn kill(&mut self) {
         self.child.kill().unwrap();
@@ -62,8 +68,7 @@ impl Running {
 
     /// Tells it to stop; returns its log.
     pub fn stop(&mut self) -> String {
-        let id = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+        self.signal("TERM");
         assert!(self.child.wait().unwrap().success());
         let mut log = String::new();
         std::io::Read::read_to_string(self.child.stderr.as_mut().unwrap(), &mut log).unwrap();

@@ -10,6 +10,7 @@ mod load;
 mod metrics;
 mod models;
 mod oip;
+mod operate;
 mod replay;
 mod robot;
 mod service;

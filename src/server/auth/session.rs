@@ -71,9 +71,12 @@ pub async fn sign_in(
 ///
 /// Takes the cookie away. What was copied from it elsewhere is valid until its time is up or its key is gone.
 #[utoipa::path(
-    delete, path = "/v1/session", tag = "dashboards",
-    responses((status = NO_CONTENT, description = "Signed out",
-        headers(("Set-Cookie" = String, description = "The cookie's end"))))
+    delete, path = "/v1/session", tag = "dashboards", security(("key" = [])),
+    responses(
+        (status = NO_CONTENT, description = "Signed out",
+            headers(("Set-Cookie" = String, description = "The cookie's end"))),
+        ViewerProblems
+    )
 )]
 pub async fn sign_out() -> impl IntoResponse {
     (StatusCode::NO_CONTENT, [(header::SET_COOKIE, cookie("", Duration::ZERO, false))])
