@@ -22,7 +22,7 @@ async fn until(running: &Running, secret: &str, expected: StatusCode) {
     let started = Instant::now();
     while status(running, secret).await != expected {
         assert!(started.elapsed() < SOON, "the key is still not answered with {expected}");
-        tokio::time::sleep(Duration::from_millis(20)).await;
+        tokio::time::sleep(Duration::from_millis(100)).await;
     }
 }
 
@@ -36,7 +36,7 @@ async fn sighup_reads_the_keys_again_and_says_what_takes_a_restart() {
     let arguments = ["--models", models.path().to_str().unwrap(), "--config", path.to_str().unwrap()];
     let mut running = Running::start(&arguments);
     assert_eq!(status(&running, &old).await, 200);
-    set(&new_line, "queue = 9\n");
+    set(&new_line, "queue = 99\n");
     running.signal("HUP");
     until(&running, &old, StatusCode::UNAUTHORIZED).await;
     assert_eq!(status(&running, &new).await, 200);
