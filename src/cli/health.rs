@@ -33,7 +33,8 @@ pub(super) fn run(args: &HealthArgs) -> anyhow::Result<()> {
     let url = format!("{base}/readyz");
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
     let status = runtime.block_on(async {
-        let client = http(PATIENCE).build()?;
+        // A container asks itself by an address that its certificate does not name, and tells no secret.
+        let client = http(PATIENCE).tls_danger_accept_invalid_certs(true).build()?;
         client.get(&url).send().await.map(|response| response.status())
     });
     let status = status.with_context(|| format!("no answer from {url}"))?;

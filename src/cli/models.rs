@@ -6,6 +6,7 @@ mod print;
 pub(super) use local::Local;
 
 use super::output::say;
+use super::service::ServiceArgs;
 use crate::client::Client;
 use crate::protocol::rest::{LabelJson, ModelInfo, VersionInfo};
 use crate::repository::package::pack;
@@ -40,9 +41,8 @@ struct PlaceArgs {
     /// A running service, instead of a repository, such as http://127.0.0.1:8080
     #[arg(long, global = true, value_name = "URL", conflicts_with = "models")]
     url: Option<String>,
-    /// A key of the service
-    #[arg(long, global = true, value_name = "KEY", env = "ROOMSIGHT_KEY", hide_env_values = true)]
-    key: Option<String>,
+    #[command(flatten)]
+    service: ServiceArgs,
 }
 
 /// A repository.
@@ -207,14 +207,14 @@ pub(super) fn run(args: &ModelsArgs) -> anyhow::Result<()> {
 
 impl Place {
     fn open(args: &ModelsArgs) -> anyhow::Result<Self> {
-        let PlaceArgs { repository, url, key } = &args.place;
+        let PlaceArgs { repository, url, service } = &args.place;
         let Some(url) = url else {
             let adds = matches!(args.command, ModelsCommand::Push { .. });
             let open = if adds { Local::open_to_add } else { Local::open };
             return Ok(Self::Local(open(&repository.models, &repository.cache.models_cache)?));
         };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        Ok(Self::Service(Client::new(url, key.as_deref())?, runtime))
+        Ok(Self::Service(service.client(url)?, runtime))
     }
 
     fn list(&self) -> anyhow::Result<Vec<ModelInfo>> {

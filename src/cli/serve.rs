@@ -3,10 +3,12 @@
 use super::limits;
 use super::log;
 use super::output::say;
-use crate::server::{self, App, Settings};
+use crate::server::{self, App, ReloadError, Reloaded, Settings};
 use anyhow::{Context, bail};
 use clap::Args;
 use std::collections::HashMap;
+use std::convert::Infallible;
+use std::future::pending;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use tokio::net::{TcpListener, TcpSocket};
@@ -63,12 +65,12 @@ pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
         return Ok(());
     }
     let log = log::start(&settings)?;
-    let served = serve(settings);
+    let served = serve(args, settings);
     log.end();
     served
 }
 
-fn serve(settings: Settings) -> anyhow::Result<()> {
+fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
     limits::raise_open_files(&settings);
     let address = permitted_address(&settings)?;
     let app = App::start(settings)?;
@@ -76,8 +78,19 @@ fn serve(settings: Settings) -> anyhow::Result<()> {
     let served = runtime.block_on(async {
         limits::survive_large_files();
         let listener = listen(address)?;
-        tracing::info!("listening on http://{0}, documentation at http://{0}/docs", listener.local_addr()?);
-        server::serve(app, listener, stop_signal()).await.context("the service failed")
+        let scheme = if app.speaks_tls() { "https" } else { "http" };
+        let url = format!("{scheme}://{}", listener.local_addr()?);
+        tracing::info!("listening on {url}, documentation at {url}/docs");
+        if !address.ip().is_loopback() && !app.speaks_tls() {
+            tracing::warn!(
+                "keys and frames can be read on their way to {address}: set `tls_certificate` and `tls_key`, \
+                 or let a proxy end TLS before the service"
+            );
+        }
+        tokio::select! {
+            served = server::serve(app.clone(), listener, stop_signal()) => served.context("the service failed"),
+            never = reload_when_told(&app, args) => match never {},
+        }
     });
     // A model that is still being loaded is not waited for.
     runtime.shutdown_background();
@@ -140,12 +153,53 @@ fn permitted_address(settings: &Settings) -> anyhow::Result<SocketAddr> {
     Ok(address)
 }
 
+/// Reads keys and certificates again whenever the process is told to (SIGHUP), for ever.
+#[cfg(unix)]
+async fn reload_when_told(app: &App, args: &ServeArgs) -> Infallible {
+    use tokio::signal::unix::{SignalKind, signal};
+    // Where the signal cannot be had it ends the process, as ever.
+    let Ok(mut hangups) = signal(SignalKind::hangup()) else { return pending().await };
+    while hangups.recv().await.is_some() {
+        let fresh = Settings::load(args.config.as_deref(), environment(), flags(args));
+        match fresh.map_err(ReloadError::from).and_then(|fresh| app.reload(&fresh)) {
+            Ok(reloaded) => tell(&reloaded, args.config.is_some()),
+            Err(error) => tracing::error!(%error, "nothing is reloaded"),
+        }
+    }
+    pending().await
+}
+
+#[cfg(not(unix))]
+async fn reload_when_told(_: &App, _: &ServeArgs) -> Infallible {
+    pending().await
+}
+
+/// Tells the operator what a reload has done.
+#[cfg(unix)]
+fn tell(Reloaded { n_keys, tls, waiting }: &Reloaded, has_file: bool) {
+    if has_file {
+        tracing::info!(n_keys, "the keys are reloaded");
+    } else {
+        tracing::info!(
+            "no keys are reloaded: there is no file of settings (--config) that could have changed"
+        );
+    }
+    match tls {
+        Some(Ok(())) => tracing::info!("the certificate is reloaded"),
+        Some(Err(error)) => tracing::error!(%error, "the old certificate stays"),
+        None => {}
+    }
+    if !waiting.is_empty() {
+        tracing::warn!("changed, but takes a restart: {}", waiting.join(", "));
+    }
+}
+
 /// Ready when the process is told to stop.
 pub(super) async fn stop_signal() {
     let interrupt = async {
         // Where the signal cannot be had the service runs on.
         if tokio::signal::ctrl_c().await.is_err() {
-            std::future::pending::<()>().await;
+            pending::<()>().await;
         }
     };
     #[cfg(unix)]
@@ -155,11 +209,11 @@ pub(super) async fn stop_signal() {
             Ok(mut stream) => {
                 stream.recv().await;
             }
-            Err(_) => std::future::pending().await,
+            Err(_) => pending().await,
         }
     };
     #[cfg(not(unix))]
-    let terminate = std::future::pending::<()>();
+    let terminate = pending::<()>();
     tokio::select! {
         () = interrupt => {}
         () = terminate => {}

@@ -103,6 +103,9 @@ pub struct RobotInfo {
     /// Its stream and its name.
     #[serde(flatten)]
     pub name: RobotName,
+    /// The name of the key that opened it, where the service has keys.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub key: Option<String>,
     /// Whether its connection stands; a stream without one can be resumed for a while.
     pub connected: bool,
     /// For how long it has been streaming, in seconds.

@@ -2,6 +2,8 @@
 
 use crate::protocol::event::Event;
 use crate::server::App;
+use crate::server::auth::Key;
+use axum::Extension;
 use axum::extract::State;
 use axum::response::IntoResponse;
 use axum::response::sse::{self, KeepAlive, Sse};
@@ -44,7 +46,7 @@ impl Events {
 /// What happens, as server-sent events
 ///
 /// One [`Event`] each, as JSON; the event's name is its `type`. A reader that is slow loses the oldest events
-/// and is told how many by an event `lost`. The stream ends when the service stops.
+/// and is told how many by an event `lost`. The stream ends when the service stops or the key is withdrawn.
 #[utoipa::path(
     get, path = "/v1/events", tag = "dashboards", security(("key" = [])),
     responses(
@@ -52,17 +54,19 @@ impl Events {
         super::openapi::ViewerProblems
     )
 )]
-pub async fn events(State(app): State<App>) -> impl IntoResponse {
+pub async fn events(State(app): State<App>, key: Option<Extension<Arc<Key>>>) -> impl IntoResponse {
     let reader = app.events.0.subscribe();
-    let events = stream::unfold((reader, app), async |(mut reader, app)| {
+    let key = key.map(|Extension(key)| key);
+    let events = stream::unfold((reader, app, key), async |(mut reader, app, key)| {
         let event = tokio::select! {
             event = next(&mut reader) => event?,
             () = app.stopping.cancelled() => return None,
+            () = app.keyring.revoked(key.as_deref()) => return None,
         };
         if let Event::Lost { events } = *event {
             app.metrics.events_lost(events);
         }
-        Some((Ok::<_, Infallible>(as_sent(&event)), (reader, app)))
+        Some((Ok::<_, Infallible>(as_sent(&event)), (reader, app, key)))
     });
     Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))
 }

@@ -1,11 +1,11 @@
 //! Connections: how many, how long, and how they end.
 
-use super::App;
 use super::caller::CallerId;
-use super::places::{Place, Places};
+use super::places::{Line, Place, Places};
 use super::routes::router;
 use super::watch::watch;
 use super::write_timeout::WriteTimeout;
+use super::{App, tls};
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
@@ -19,11 +19,12 @@ use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
+use tokio_util::either::Either;
 
 /// The most that is read ahead on one connection, and so the longest head of a request. What is no HTTP
 /// or exceeds it is answered by hyper, before there is a request: with 400 or 431 and no body.
@@ -46,6 +47,7 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         write_timeout: app.settings.write_timeout(),
         #[cfg(target_os = "linux")]
         unacknowledged_timeout: app.settings.unacknowledged_timeout(),
+        app: app.clone(),
         listener,
         stopped,
     };
@@ -56,6 +58,14 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         let app = app.clone();
         async move { match app.metrics.tidy().await {} }
     });
+    aside.spawn({
+        let app = app.clone();
+        async move { match app.refusals.tell().await {} }
+    });
+    if app.speaks_tls() {
+        let app = app.clone();
+        aside.spawn(async move { match tls::watch(app).await {} });
+    }
     let mut connections = JoinSet::new();
     tokio::select! {
         never = acceptor.run(&mut connections, Life::UntilStop) => match never {},
@@ -84,6 +94,7 @@ enum Life {
 }
 
 struct Acceptor {
+    app: App,
     listener: TcpListener,
     service: TowerToHyperService<axum::Router>,
     places: Arc<Places>,
@@ -141,36 +152,25 @@ impl Acceptor {
         if let Err(error) = SockRef::from(&stream).set_tcp_user_timeout(Some(self.unacknowledged_timeout)) {
             tracing::debug!(%error, "TCP_USER_TIMEOUT could not be set");
         }
-        let router = self.service.clone();
-        let stream = WriteTimeout::new(stream, self.write_timeout);
-        let (line, no_write_timeout) = (place.line().clone(), stream.switch());
-        let service = service_fn(move |mut request: Request<Incoming>| {
-            request.extensions_mut().insert(peer);
-            request.extensions_mut().insert(line.clone());
-            let works = line.works();
-            let answer = router.call(request);
-            let no_write_timeout = no_write_timeout.clone();
-            async move {
-                let _works = works;
-                let answer = answer.await?;
-                if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
-                    // A stream has a time-out of its own.
-                    no_write_timeout.store(true, Ordering::Relaxed);
-                }
-                Ok::<_, Infallible>(answer)
-            }
-        });
-        let connection = http1::Builder::new()
-            .timer(TokioTimer::new())
+        let mut http = http1::Builder::new();
+        http.timer(TokioTimer::new())
             .header_read_timeout(self.header_timeout)
             .max_buf_size(MAX_BUFFER_BYTES)
-            .keep_alive(life == Life::UntilStop)
-            .serve_connection(TokioIo::new(stream), service)
-            .with_upgrades();
-        let stopped = self.stopped.clone();
+            .keep_alive(life == Life::UntilStop);
+        let (app, stopped) = (self.app.clone(), self.stopped.clone());
+        let (router, write_timeout) = (self.service.clone(), self.write_timeout);
         async move {
             let line = place.line().clone();
-            let mut connection = pin!(connection);
+            let stream = match &app.tls {
+                None => Either::Left(stream),
+                Some(tls) => match tls.accept(stream).await {
+                    Ok(stream) => Either::Right(stream),
+                    Err(error) => return tracing::debug!(peer = %peer.0, %error, "a handshake of TLS failed"),
+                },
+            };
+            let stream = WriteTimeout::new(stream, write_timeout);
+            let service = service(router, peer, line.clone(), stream.switch());
+            let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service).with_upgrades());
             let result = tokio::select! {
                 result = connection.as_mut() => result,
                 () = stop(stopped), if life == Life::UntilStop => {
@@ -191,6 +191,31 @@ impl Acceptor {
             }
         }
     }
+}
+
+/// What answers the requests of one connection. `no_write_timeout` is set when it becomes a stream.
+fn service(
+    router: TowerToHyperService<axum::Router>,
+    peer: Peer,
+    line: Arc<Line>,
+    no_write_timeout: Arc<AtomicBool>,
+) -> impl Service<Request<Incoming>, Response = axum::response::Response, Error = Infallible, Future: Send> {
+    service_fn(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(peer);
+        request.extensions_mut().insert(line.clone());
+        let works = line.works();
+        let answer = router.call(request);
+        let no_write_timeout = no_write_timeout.clone();
+        async move {
+            let _works = works;
+            let answer = answer.await?;
+            if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
+                // A stream has a time-out of its own.
+                no_write_timeout.store(true, Ordering::Relaxed);
+            }
+            Ok::<_, Infallible>(answer)
+        }
+    })
 }
 
 /// Ready when the service stops, or its `serve` is gone.

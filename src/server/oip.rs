@@ -33,13 +33,17 @@ pub fn robots() -> OpenApiRouter<App> {
 
 /// What takes the role viewer.
 pub fn viewers() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(repository::index))
+}
+
+/// What takes a key of any role: what clients ask before they send frames.
+pub fn holders() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(show_server))
         .routes(routes!(show_model))
         .routes(routes!(show_version))
         .routes(routes!(model_ready))
         .routes(routes!(version_ready))
-        .routes(routes!(repository::index))
 }
 
 /// What takes the role admin.

@@ -1,16 +1,24 @@
 //! The OpenAPI document, made from the handlers and the kinds of problem.
 
+use super::auth::session;
 use super::problem::{ErrorForm, Kind};
 use crate::protocol::oip::ErrorBody;
 use crate::protocol::rest::ProblemBody;
 use axum::http::header::RETRY_AFTER;
 use std::collections::BTreeMap;
-use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
+use std::iter;
+use utoipa::openapi::security::{
+    ApiKey, ApiKeyValue, Http, HttpAuthScheme, SecurityRequirement, SecurityScheme,
+};
 use utoipa::openapi::{Content, HeaderBuilder, Ref, RefOr, Response};
 use utoipa::{IntoParams, IntoResponses, Modify, OpenApi, ToSchema};
 
 /// The name of the security scheme.
 const KEY: &str = "key";
+/// The name of the security scheme of those who signed in.
+const SESSION: &str = "session";
+/// What can go wrong with any call that takes a key.
+pub const AUTH_KINDS: [Kind; 4] = [Kind::Unauthorized, Kind::Forbidden, Kind::ForeignSite, Kind::UnknownHost];
 
 /// What is not told by the handlers.
 #[derive(OpenApi)]
@@ -181,6 +189,7 @@ impl IntoResponses for StreamProblems {
             Kind::NoSuchModel,
             Kind::NotReady,
             Kind::NoWebSocket,
+            Kind::RobotOfAnother,
             Kind::Draining,
             Kind::NoModel,
         ])
@@ -218,7 +227,7 @@ pub fn frame_kinds() -> impl Iterator<Item = Kind> {
 
 /// What can go wrong with any call that takes a key, and what else.
 fn keyed<const N: usize>(others: [Kind; N]) -> BTreeMap<String, RefOr<Response>> {
-    responses(ErrorForm::Problem, [Kind::Unauthorized, Kind::Forbidden].into_iter().chain(others))
+    responses(ErrorForm::Problem, AUTH_KINDS.into_iter().chain(others))
 }
 
 /// One response a status, its kinds described together.
@@ -263,5 +272,24 @@ impl Modify for Key {
                 .to_owned(),
         );
         components.add_security_scheme(KEY, SecurityScheme::Http(scheme));
+        let text = "The cookie that POST /v1/session gives for a key, for pages in a browser.";
+        let cookie = ApiKey::Cookie(ApiKeyValue::with_description(session::COOKIE, text));
+        components.add_security_scheme(SESSION, SecurityScheme::ApiKey(cookie));
+    }
+}
+
+/// Lets each call that takes a key take a session too, but for the one that makes sessions.
+pub fn accept_sessions(document: &mut utoipa::openapi::OpenApi) {
+    let items = document.paths.paths.values_mut();
+    let operations = items.flat_map(|item| {
+        [&mut item.get, &mut item.put, &mut item.delete, &mut item.post]
+            .into_iter()
+            .filter_map(Option::as_mut)
+    });
+    for operation in operations {
+        let makes_sessions = operation.operation_id.as_deref() == Some("sign_in");
+        if let Some(security) = operation.security.as_mut().filter(|_| !makes_sessions) {
+            security.push(SecurityRequirement::new(SESSION, iter::empty::<String>()));
+        }
     }
 }

@@ -94,6 +94,12 @@ pub enum Kind {
     Unauthorized,
     /// A key of the wrong role.
     Forbidden,
+    /// A page of another site.
+    ForeignSite,
+    /// A name that is not known to be the service's.
+    UnknownHost,
+    /// A robot that another key speaks for.
+    RobotOfAnother,
     /// No such path.
     NotFound,
     /// No such model or version.
@@ -134,10 +140,13 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds, by status.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 24] = [
         K::BadRequest,
         K::Unauthorized,
         K::Forbidden,
+        K::ForeignSite,
+        K::UnknownHost,
+        K::RobotOfAnother,
         K::NotFound,
         K::NoSuchModel,
         K::MethodNotAllowed,
@@ -163,7 +172,7 @@ impl Kind {
         match self {
             K::BadRequest => StatusCode::BAD_REQUEST,
             K::Unauthorized => StatusCode::UNAUTHORIZED,
-            K::Forbidden => StatusCode::FORBIDDEN,
+            K::Forbidden | K::ForeignSite | K::UnknownHost | K::RobotOfAnother => StatusCode::FORBIDDEN,
             K::NotFound | K::NoSuchModel => StatusCode::NOT_FOUND,
             K::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
             K::SlowBody => StatusCode::REQUEST_TIMEOUT,
@@ -186,6 +195,9 @@ impl Kind {
             K::BadRequest => "bad-request",
             K::Unauthorized => "unauthorized",
             K::Forbidden => "forbidden",
+            K::ForeignSite => "foreign-site",
+            K::UnknownHost => "unknown-host",
+            K::RobotOfAnother => "robot-of-another",
             K::NotFound => "not-found",
             K::NoSuchModel => "no-such-model",
             K::MethodNotAllowed => "method-not-allowed",
@@ -213,6 +225,9 @@ impl Kind {
             K::BadRequest => "The request is malformed",
             K::Unauthorized => "A valid key is missing",
             K::Forbidden => "The key's role may not do this",
+            K::ForeignSite => "A page of another site may not do this",
+            K::UnknownHost => "The service does not answer to this name",
+            K::RobotOfAnother => "The key does not speak for this robot",
             K::NotFound => "There is nothing at this path",
             K::NoSuchModel => "There is no such model or version",
             K::MethodNotAllowed => "The path does not take this method",
@@ -240,6 +255,9 @@ impl Kind {
             K::BadRequest => "correct the request as the detail says; /docs describes all of them",
             K::Unauthorized => "send a key in the header `Authorization: Bearer KEY`",
             K::Forbidden => "use a key whose role allows this, or one of an admin",
+            K::ForeignSite => "let the operator add the page's origin to the setting `origins`",
+            K::UnknownHost => "let the operator add the name to the setting `hosts`, or call an address",
+            K::RobotOfAnother => "name a robot of the key, or use that robot's key",
             K::NotFound => "see /docs for the paths there are",
             K::NoSuchModel => "GET /v1/models lists the models there are",
             K::MethodNotAllowed => "use a method of the header Allow",
@@ -294,8 +312,11 @@ impl Problem {
     /// Its kind.
     pub fn kind(&self) -> Kind {
         match self {
-            Self::Auth(AuthError::Missing | AuthError::Unknown) => K::Unauthorized,
-            Self::Auth(AuthError::Forbidden { .. } | AuthError::Origin) => K::Forbidden,
+            Self::Auth(AuthError::Missing | AuthError::Unknown | AuthError::Session) => K::Unauthorized,
+            Self::Auth(AuthError::Forbidden { .. }) => K::Forbidden,
+            Self::Auth(AuthError::Origin(_)) => K::ForeignSite,
+            Self::Auth(AuthError::Host(_)) => K::UnknownHost,
+            Self::Auth(AuthError::Robot(_)) => K::RobotOfAnother,
             Self::Body(BodyError::TooLarge { .. } | BodyError::TooManyFrames(_)) => K::TooLarge,
             Self::Body(BodyError::Slow(_)) => K::SlowBody,
             Self::Body(BodyError::UnsupportedType(..) | BodyError::Encoded(_)) => K::UnsupportedType,
@@ -342,8 +363,8 @@ impl Problem {
     pub fn render(&self, response: Response, request_id: &str, form: ErrorForm) -> Response {
         let kind = self.kind();
         match kind {
-            K::Internal | K::NoRepository => tracing::error!(cause = %self, "failed"),
-            _ => tracing::debug!(cause = %self, "refused"),
+            K::Internal | K::NoRepository => tracing::error!(cause = self.to_string(), "failed"),
+            _ => tracing::debug!(cause = self.to_string(), "refused"),
         }
         let body = self.body(request_id);
         let body = match form {

@@ -1,7 +1,7 @@
 //! What a request asks for beside its frame, checked before its body is read.
 
 use super::App;
-use super::auth::KeyName;
+use super::auth::Key;
 use super::caller::CallerId;
 use super::metrics::Transport;
 use super::observe::RequestContext;
@@ -12,6 +12,7 @@ use crate::protocol::rest::RecognizeQuery;
 use axum::extract::{FromRequestParts, Query};
 use axum::http::request::Parts;
 use axum::http::{Extensions, StatusCode};
+use std::sync::Arc;
 use std::time::Duration;
 
 const MAX_TEXT_BYTES: usize = 64;
@@ -45,8 +46,8 @@ impl FromRequestParts<App> for Asked {
 /// Who asks, and how.
 pub struct Caller {
     context: RequestContext,
-    /// The name of its key, where it has one.
-    key: Option<KeyName>,
+    /// Its key, where it has one.
+    key: Option<Arc<Key>>,
     id: CallerId,
     transport: Transport,
 }
@@ -59,7 +60,7 @@ impl Caller {
     pub fn of(extensions: &Extensions, transport: Transport) -> Result<Self, Problem> {
         let context = extensions.get::<RequestContext>().cloned();
         let context = context.ok_or(Problem::Framework(StatusCode::INTERNAL_SERVER_ERROR))?;
-        let key = extensions.get::<KeyName>().cloned();
+        let key = extensions.get::<Arc<Key>>().cloned();
         Ok(Self { context, key, id: CallerId::of(extensions), transport })
     }
 }
@@ -72,7 +73,10 @@ impl Asked {
         if query.top == Some(0) {
             return Err(Problem::Query("`top` must be at least 1; leave it out for all rooms".into()));
         }
-        let robot = query.robot.as_deref().or(caller.key.as_ref().map(|key| key.0.as_str()));
+        if let Some(robot) = &query.robot {
+            app.keyring.check_robot(caller.key.as_deref(), robot)?;
+        }
+        let robot = query.robot.as_deref().or(caller.key.as_ref().map(|key| key.robot()));
         let served = app.registry.choose(query.model.as_deref(), &choice(&query)?, robot)?;
         let span = tracing::Span::current();
         span.record("model", &served.name);
@@ -100,14 +104,58 @@ fn choice(query: &RecognizeQuery) -> Result<Choice, Problem> {
     }
 }
 
-/// Texts that are sent back and logged are short and have no control characters.
+/// Texts that are sent back and logged are short, and have no character that cannot be seen: none that ends a
+/// line, reorders a text or makes two names look alike.
 pub fn check(name: &str, text: Option<&str>) -> Result<(), Problem> {
     match text {
-        Some(text) if text.len() > MAX_TEXT_BYTES || text.chars().any(char::is_control) => {
+        Some(text) if text.is_empty() || text.len() > MAX_TEXT_BYTES || !is_visible(text) => {
             Err(Problem::Query(format!(
-                "`{name}` must be at most {MAX_TEXT_BYTES} bytes without control characters"
+                "`{name}` must be 1 to {MAX_TEXT_BYTES} bytes of characters that can be seen; leave it out for none"
             )))
         }
         _ => Ok(()),
+    }
+}
+
+/// Whether Rust would print the text as it is; quotes and backslashes it escapes for another reason.
+fn is_visible(text: &str) -> bool {
+    let text = text.replace(['"', '\'', '\\'], "-");
+    text.escape_debug().eq(text.chars())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_what_they_look_like() {
+        let is_taken = |text: &str| check("robot", Some(text)).is_ok();
+        for good in [
+            "wall-e",
+            "R2 D2",
+            "caf\u{e9}",
+            "cafe\u{301}",
+            "\u{43c}\u{430}\u{448}\u{430}",
+            "\u{1f916}",
+            "it's \"x\" \\",
+        ] {
+            assert!(is_taken(good), "{good:?}");
+        }
+        for bad in [
+            "",
+            "a\nb",
+            "a\u{7f}",
+            "a\u{ad}b",
+            "wall\u{200b}-e",
+            "a\u{202e}b",
+            "a\u{2028}b",
+            "a\u{2066}b",
+            "\u{feff}a",
+            "\u{301}a",
+            "a\u{e0041}",
+            &"x".repeat(65),
+        ] {
+            assert!(!is_taken(bad), "{bad:?}");
+        }
     }
 }

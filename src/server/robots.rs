@@ -1,6 +1,7 @@
 //! Who streams, for dashboards.
 
 use super::App;
+use super::auth::Key;
 use super::openapi::{RobotProblems, ViewerProblems};
 use super::problem::Problem;
 use crate::protocol::event::{FrameCounts, PastAnswer, RobotInfo, RobotList, RobotName};
@@ -9,7 +10,7 @@ use crate::protocol::stream::{DropReason, Mode, StreamResult};
 use axum::Json;
 use axum::extract::{Path, State};
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 /// The last answers that are kept of a stream.
@@ -19,6 +20,8 @@ const N_ANSWERS: usize = 16;
 pub struct Record {
     /// Its public name: nobody can resume the stream by it.
     stream: String,
+    /// What opened it.
+    key: Option<Arc<Key>>,
     began: Instant,
     known: Mutex<Known>,
 }
@@ -45,9 +48,9 @@ struct Told {
 }
 
 impl Record {
-    /// Of a stream that begins.
-    pub fn new(stream: String) -> Self {
-        Self { stream, began: Instant::now(), known: Mutex::default() }
+    /// Of a stream that begins, opened with a key where there are keys.
+    pub fn new(stream: String, key: Option<Arc<Key>>) -> Self {
+        Self { stream, key, began: Instant::now(), known: Mutex::default() }
     }
 
     /// When it began.
@@ -112,6 +115,11 @@ impl Record {
         *self.known().frames.dropped.entry(reason).or_default() += 1;
     }
 
+    /// What opened it.
+    pub fn key(&self) -> Option<&Key> {
+        self.key.as_deref()
+    }
+
     /// Whose stream it is.
     pub fn name(&self) -> RobotName {
         RobotName { stream: self.stream.clone(), robot: self.known().robot.clone() }
@@ -130,6 +138,7 @@ impl Record {
         };
         RobotInfo {
             name,
+            key: self.key().map(|key| key.name().to_owned()),
             connected: known.connected,
             streaming_s: self.began.elapsed().as_secs_f64(),
             mode: known.mode,

@@ -2,10 +2,12 @@
 
 use super::answers::answers;
 use super::asyncapi::stream_document;
+use super::auth::session;
 use super::body::{Frames, OneFrame};
 use super::metrics;
 use super::openapi::{
     BatchForm, Description, FrameForm, FrameProblems, ImageBytes, PathProblems, ReadyProblems,
+    accept_sessions,
 };
 use super::problem::{Kind, Problem};
 use super::query::Asked;
@@ -14,7 +16,7 @@ use super::{App, auth, events, models, observe, oip, robots, stream};
 use crate::protocol::rest::{Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, RecognizeQuery};
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::HeaderName;
-use axum::middleware::from_fn_with_state;
+use axum::middleware::{from_fn, from_fn_with_state};
 use axum::response::{IntoResponse, Redirect};
 use axum::routing::get;
 use axum::{Json, Router};
@@ -28,25 +30,36 @@ const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
 /// Everything the service answers. Pure: it listens nowhere.
 pub fn router(app: App) -> Router {
-    let (api, document) = described()
+    let (api, mut document) = described()
         .merge(robots().route_layer(from_fn_with_state(app.clone(), auth::robots)))
         .merge(viewers().route_layer(from_fn_with_state(app.clone(), auth::viewers)))
+        .merge(holders().route_layer(from_fn_with_state(app.clone(), auth::holders)))
         .merge(admins().route_layer(from_fn_with_state(app.clone(), auth::admins)))
         .merge(anyone())
         .split_for_parts();
-    api.merge(SwaggerUi::new("/docs").url("/openapi.json", document))
+    accept_sessions(&mut document);
+    let api = api
+        .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
         .route("/asyncapi.json", get(|| async { Json(stream_document()) }))
         .route("/", get(|| async { Redirect::temporary("/docs/") }))
         // Forms have limits of our own, see `body`.
         .layer(DefaultBodyLimit::disable())
         .layer(CatchPanicLayer::custom(observe::panicked))
-        .layer(from_fn_with_state(app.clone(), observe::observe))
-        .with_state(app)
+        .layer(from_fn(observe::demand_host));
+    let api = match app.sites.cors() {
+        Some(cors) => api.layer(cors),
+        None => api,
+    };
+    api.layer(from_fn_with_state(app.clone(), observe::observe)).with_state(app)
 }
 
 /// The OpenAPI document of [`router`].
 pub fn document() -> utoipa::openapi::OpenApi {
-    described().merge(robots()).merge(viewers()).merge(admins()).merge(anyone()).into_openapi()
+    let routes =
+        described().merge(robots()).merge(viewers()).merge(holders()).merge(admins()).merge(anyone());
+    let mut document = routes.into_openapi();
+    accept_sessions(&mut document);
+    document
 }
 
 fn described() -> OpenApiRouter<App> {
@@ -71,6 +84,10 @@ fn viewers() -> OpenApiRouter<App> {
         .routes(routes!(robots::show_robot))
         .routes(routes!(metrics::scrape))
         .merge(oip::viewers())
+}
+
+fn holders() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(session::sign_in, session::sign_out)).merge(oip::holders())
 }
 
 fn admins() -> OpenApiRouter<App> {

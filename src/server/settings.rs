@@ -1,6 +1,6 @@
 //! What an operator may set: defaults, then a file, then the environment, then flags.
 
-use super::auth::Key;
+use super::auth::{Key, Sites, check_together};
 use super::pool::Size;
 use crate::image;
 use crate::model::MAX_MODEL_BYTES;
@@ -12,6 +12,8 @@ use std::time::Duration;
 
 /// The prefix of the environment's names: `ROOMSIGHT_QUEUE` sets `queue`.
 const ENVIRONMENT_PREFIX: &str = "ROOMSIGHT_";
+/// The longest life of a session, in milliseconds.
+const MAX_SESSION_MS: u64 = 30 * 24 * 3_600_000;
 
 /// All settings of the service. [`Settings::default`] is what runs when nothing is set.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -34,8 +36,22 @@ pub struct Settings {
     /// The model of requests that name none; empty: the one that the repository names, which is at first the first
     /// by name.
     pub model: String,
-    /// Who may call, one `role:name:hash` each; `roomsight key new` makes them.
+    /// Who may call, one `role:name:hash` each, or `role:name:hash:robot+robot` where a key is bound to robots;
+    /// `roomsight key new` makes them.
     pub keys: Vec<Key>,
+    /// Names that the service answers to without keys, `name` or `name:port`, beside those of this machine
+    /// alone and all addresses.
+    pub hosts: Vec<String>,
+    /// The origins whose pages may call from a browser, such as `https://dashboard.example`.
+    pub origins: Vec<String>,
+    /// How long a browser stays signed in, in milliseconds.
+    pub session_ms: u64,
+    /// The service's certificate and those between it and its authority, a file of PEM; empty: no TLS.
+    pub tls_certificate: PathBuf,
+    /// The key of the certificate, a file of PEM.
+    pub tls_key: PathBuf,
+    /// Whose certificates callers must show, a file of PEM; empty: they need none.
+    pub tls_client_ca: PathBuf,
     /// Serve callers without a key on an address that others can reach.
     pub allow_anonymous: bool,
     /// Threads that recognize; 0: one a core.
@@ -151,6 +167,12 @@ impl Default for Settings {
             max_uploads: 4,
             model: String::new(),
             keys: Vec::new(),
+            hosts: Vec::new(),
+            origins: Vec::new(),
+            session_ms: 3_600_000,
+            tls_certificate: PathBuf::new(),
+            tls_key: PathBuf::new(),
+            tls_client_ca: PathBuf::new(),
             allow_anonymous: false,
             threads: 0,
             queue: 64,
@@ -215,6 +237,13 @@ impl Settings {
         Ok(toml::to_string_pretty(self)?)
     }
 
+    /// The names of all settings but `keys` that differ from others.
+    pub(super) fn changes_to(&self, other: &Self) -> Result<Vec<String>, SettingsError> {
+        let (old, new) = (toml::Table::try_from(self)?, toml::Table::try_from(other)?);
+        let names = old.into_iter().filter(|(name, value)| name != "keys" && new.get(name) != Some(value));
+        Ok(names.map(|(name, _)| name).collect())
+    }
+
     /// The number of recognizing threads.
     pub fn n_threads(&self) -> usize {
         match self.threads {
@@ -258,6 +287,11 @@ impl Settings {
     /// [`Settings::models_poll_ms`] as a duration; none where it is 0.
     pub fn models_poll(&self) -> Option<Duration> {
         (self.models_poll_ms > 0).then_some(Duration::from_millis(self.models_poll_ms))
+    }
+
+    /// [`Settings::session_ms`] as a duration.
+    pub fn session(&self) -> Duration {
+        Duration::from_millis(self.session_ms)
     }
 
     /// [`Settings::header_timeout_ms`] as a duration.
@@ -324,6 +358,13 @@ impl Settings {
         let wrong = |name, reason: String| Err(SettingsError::Wrong { name, reason });
         if self.threads > 1024 {
             return wrong("threads", "more than 1024 threads; 0 means one a core".into());
+        }
+        if let Err(error) = check_together(&self.keys) {
+            return wrong("keys", error.to_string());
+        }
+        Sites::new(self)?;
+        if !(1000..=MAX_SESSION_MS).contains(&self.session_ms) {
+            return wrong("session_ms", format!("it must be from 1000 to {MAX_SESSION_MS}, 30 days"));
         }
         if self.max_connections == 0 || self.max_connections > 1_000_000 {
             return wrong("max_connections", "it must be from 1 to 1000000".into());
@@ -413,6 +454,8 @@ fn texts(values: HashMap<String, String>) -> Environment {
         .try_parsing(true)
         .list_separator(",")
         .with_list_parse_key("keys")
+        .with_list_parse_key("hosts")
+        .with_list_parse_key("origins")
 }
 
 #[cfg(test)]
@@ -471,6 +514,22 @@ mod tests {
     }
 
     #[test]
+    fn lists_come_from_the_environment_by_commas() {
+        let environment =
+            map(&[("ROOMSIGHT_HOSTS", "lab,lab.example:80"), ("ROOMSIGHT_ORIGINS", "http://a")]);
+        let settings = Settings::load(None, environment, map(&[])).unwrap();
+        assert_eq!((settings.hosts.len(), settings.origins.len()), (2, 1));
+    }
+
+    #[test]
+    fn keys_of_one_name_are_refused() {
+        let keys = format!("robot:a:{0},viewer:a:{0}", "ab".repeat(32));
+        let error =
+            Settings::load(None, map(&[("ROOMSIGHT_KEYS", &keys)]), map(&[])).unwrap_err().to_string();
+        assert!(error.contains("keys") && error.contains("\"a\""), "{error}");
+    }
+
+    #[test]
     fn what_is_printed_without_keys_can_be_read_again() {
         let file = file(&Settings::default().to_toml().unwrap());
         let settings = Settings::load(Some(file.path()), map(&[]), map(&[])).unwrap();
@@ -498,6 +557,9 @@ mod tests {
             ("caller_share", "1.5"),
             ("write_timeout_ms", "0"),
             ("keys", "robot:wall-e:short"),
+            ("hosts", "http://lab"),
+            ("origins", "lab"),
+            ("session_ms", "0"),
             ("log_format", "xml"),
             ("otlp_endpoint", "https://collector:4318"),
         ] {

@@ -33,7 +33,7 @@ mod teller;
 mod turn;
 mod wire;
 
-use super::auth::{AuthError, KeyName, fingerprint, subprotocols};
+use super::auth::{Key, subprotocols};
 use super::caller::CallerId;
 use super::openapi::StreamProblems;
 use super::problem::Problem;
@@ -42,12 +42,12 @@ use super::{App, Settings};
 use crate::protocol::stream::{KEY_SUBPROTOCOL_PREFIX, SUBPROTOCOL, StreamQuery, StreamSettings};
 use axum::Extension;
 use axum::extract::{Query, Request, State};
-use axum::http::{HeaderMap, HeaderValue, Uri, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
 use hyper::upgrade::OnUpgrade;
 use inbox::{Inbox, Limits};
 use intake::Intake;
-use places::{NoPlace, Opener, Place, Places};
+use places::{NoPlace, Place, Places};
 use session::{Identity, Session};
 use socket::{Close, Socket};
 use std::sync::Arc;
@@ -73,7 +73,7 @@ struct Arrival {
 
 /// A robot at the door.
 struct Caller {
-    opener: Opener,
+    key: Option<Arc<Key>>,
     id: CallerId,
     query: StreamQuery,
     settings: StreamSettings,
@@ -116,7 +116,7 @@ impl Streams {
 )]
 pub async fn connect(
     State(app): State<App>,
-    key: Option<Extension<KeyName>>,
+    key: Option<Extension<Arc<Key>>>,
     mut request: Request,
 ) -> Result<Response, Problem> {
     let Query(query) = Query::<StreamQuery>::try_from_uri(request.uri())
@@ -124,24 +124,23 @@ pub async fn connect(
     if app.is_draining() {
         return Err(Problem::Draining);
     }
-    if app.settings.keys.is_empty() && is_from_another_site(request.headers()) {
-        return Err(AuthError::Origin.into());
-    }
     let key = key.map(|Extension(key)| key);
-    let initial = settings::initial(&app.registry, key.as_ref().map(|key| key.0.as_str()));
+    if let Some(robot) = &query.robot {
+        app.keyring.check_robot(key.as_deref(), robot)?;
+    }
+    let initial = settings::initial(&app.registry, key.as_ref().map(|key| key.robot()));
     let settings = settings::changed(&initial, query.change(), &app.registry)?;
     let (mut response, upgrade) = socket::handshake(&mut request).map_err(Problem::NoWebSocket)?;
     if let Some(protocol) = spoken(request.headers())? {
         response.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, protocol);
     }
-    let opener = Opener { key: key.as_ref().and_then(|_| fingerprint(request.headers())), name: key };
-    let caller = Caller { opener, id: CallerId::of(request.extensions()), query, settings };
+    let caller = Caller { key, id: CallerId::of(request.extensions()), query, settings };
     app.streams.spawn(welcome(app.clone(), upgrade, caller));
     Ok(response)
 }
 
 /// Hands the connection to the stream it resumes, or begins a stream.
-async fn welcome(app: App, upgrade: OnUpgrade, Caller { opener, id, query, settings }: Caller) {
+async fn welcome(app: App, upgrade: OnUpgrade, Caller { key, id, query, settings }: Caller) {
     let upgraded = match upgrade.await {
         Ok(upgraded) => upgraded,
         Err(error) => return tracing::debug!(%error, "a connection did not become a stream"),
@@ -154,7 +153,8 @@ async fn welcome(app: App, upgrade: OnUpgrade, Caller { opener, id, query, setti
     let inbox = Inbox::new(&limits, app.streams.intake.clone(), holder.clone());
     let socket = Socket::new(upgraded, inbox, app.settings.stream_write_timeout());
     let mut arrival = Arrival { socket, is_resumed: true, last_seq: query.last_seq };
-    if let Some(arrivals) = query.session.and_then(|session| app.streams.places.arrivals(&session, &opener)) {
+    let resumed = query.session.and_then(|session| app.streams.places.arrivals(&session, key.as_deref()));
+    if let Some(arrivals) = resumed {
         match arrivals.send(arrival).await {
             Ok(()) => return,
             // The stream has just ended.
@@ -169,7 +169,7 @@ async fn welcome(app: App, upgrade: OnUpgrade, Caller { opener, id, query, setti
             return arrival.socket.close(Close::Full).await;
         }
     };
-    let record = Arc::new(Record::new(stream.clone()));
+    let record = Arc::new(Record::new(stream.clone(), key));
     let identity = Identity { session: session.clone(), stream: stream.clone(), caller: id };
     let conversation = match Session::new(app.clone(), identity, settings, record.clone()) {
         Ok(conversation) => conversation,
@@ -180,7 +180,7 @@ async fn welcome(app: App, upgrade: OnUpgrade, Caller { opener, id, query, setti
     };
     let (sender, arrivals) = mpsc::channel(1);
     let given_up = conversation.given_up().clone();
-    let place = Place { arrivals: sender, holder, opener, record, given_up };
+    let place = Place { arrivals: sender, holder, record, given_up };
     if let Err(no_place) = app.streams.places.take(session.clone(), place) {
         let why = match no_place {
             NoPlace::Full => Close::Full,
@@ -213,31 +213,12 @@ fn spoken(headers: &HeaderMap) -> Result<Option<HeaderValue>, Problem> {
     }
 }
 
-/// Whether a browser says that a page of another site asks. Without keys such a page could stream, and read
-/// the answers, where only this machine is meant to.
-fn is_from_another_site(headers: &HeaderMap) -> bool {
-    let Some(origin) = headers.get(header::ORIGIN) else { return false };
-    let authority = || origin.to_str().ok()?.parse::<Uri>().ok()?.authority().map(ToString::to_string);
-    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
-    authority().as_deref() != host
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn headers(pairs: &[(header::HeaderName, &'static str)]) -> HeaderMap {
         pairs.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value))).collect()
-    }
-
-    #[test]
-    fn only_pages_of_this_service_may_stream_without_a_key() {
-        let asks =
-            |origin, host| is_from_another_site(&headers(&[(header::ORIGIN, origin), (header::HOST, host)]));
-        assert!(!is_from_another_site(&headers(&[(header::HOST, "robot:8080")])));
-        assert!(!asks("http://robot:8080", "robot:8080"));
-        assert!(asks("http://evil.example", "robot:8080"));
-        assert!(asks("null", "robot:8080"));
     }
 
     #[test]

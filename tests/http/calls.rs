@@ -160,7 +160,7 @@ async fn frames_with_nothing_in_them_are_answered() {
 #[tokio::test]
 async fn a_body_without_a_length_is_cut_off_at_the_limit() {
     let server = Server::start(Settings { max_frame_bytes: 1000, ..Settings::default() }).await;
-    let head = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-type: image/jpeg\r\ntransfer-encoding: chunked\r\n\r\n";
+    let head = "POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\ncontent-type: image/jpeg\r\ntransfer-encoding: chunked\r\n\r\n";
     let chunk = format!("400\r\n{}\r\n", "x".repeat(0x400));
     let response = read_raw(server.send_raw(format!("{head}{chunk}").as_bytes())).await;
     assert!(response.starts_with("HTTP/1.1 413 "), "{response}");
@@ -257,7 +257,8 @@ async fn a_key_opens_what_its_role_may_and_nothing_else() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_caller_who_sends_too_much_can_send_it_all_and_then_reads_why() {
     let server = Server::start(Settings::default()).await;
-    let head = format!("POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n", 50 << 20);
+    let head =
+        format!("POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\ncontent-length: {}\r\n\r\n", 50 << 20);
     let mut stream = server.send_raw(head.as_bytes());
     stream.write_all(&vec![0; 50 << 20]).expect("the connection stays open");
     let response = read_raw(stream).await;
@@ -269,7 +270,7 @@ async fn a_caller_who_asks_before_sending_is_told_without_sending() {
     let server = Server::start(Settings { max_frame_bytes: 1000, ..Settings::default() }).await;
     let head = |n_bytes| {
         format!(
-            "POST /v1/recognize HTTP/1.1\r\nhost: x\r\nexpect: 100-continue\r\ncontent-length: {n_bytes}\r\n\r\n"
+            "POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\nexpect: 100-continue\r\ncontent-length: {n_bytes}\r\n\r\n"
         )
     };
     let response = read_raw(server.send_raw(head(1001).as_bytes())).await;
@@ -281,7 +282,7 @@ async fn a_caller_who_asks_before_sending_is_told_without_sending() {
 async fn the_key_is_checked_before_the_body_is_read() {
     let (_, key) = Key::new(Role::Robot, "wall-e", &[1; 32]).unwrap();
     let server = Server::start(Settings { keys: vec![key], ..Settings::default() }).await;
-    let head = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: 1000000\r\n\r\n";
+    let head = "POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1000000\r\n\r\n";
     let response = read_raw(server.send_raw(head.as_bytes())).await;
     assert!(response.starts_with("HTTP/1.1 401 "), "{response}");
 }

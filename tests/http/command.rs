@@ -59,6 +59,12 @@ impl Running {
         running
     }
 
+    /// Sends it a signal.
+    pub fn signal(&self, name: &str) {
+        let id = self.child.id().to_string();
+        assert!(Command::new("kill").args([&format!("-{name}"), &id]).status().unwrap().success());
+    }
+
     /// Kills it, whatever it is doing.
     pub fn kill(&mut self) {
         self.child.kill().unwrap();
@@ -67,8 +73,7 @@ impl Running {
 
     /// Tells it to stop; returns its log.
     pub fn stop(&mut self) -> String {
-        let id = self.child.id().to_string();
-        assert!(Command::new("kill").args(["-TERM", &id]).status().unwrap().success());
+        self.signal("TERM");
         assert!(self.child.wait().unwrap().success());
         let mut log = String::new();
         self.child.stderr.as_mut().unwrap().read_to_string(&mut log).unwrap();
@@ -85,7 +90,14 @@ impl Drop for Running {
 #[test]
 fn serve_gets_ready_and_ends_well_when_told() {
     let models = models();
-    let mut running = Running::start(&["--models", models.path().to_str().unwrap(), "--log-format", "json"]);
+    let mut running = Running::start(&[
+        "--models",
+        models.path().to_str().unwrap(),
+        "--log-format",
+        "json",
+        "--set",
+        "log_level=debug",
+    ]);
     let address = running.url.strip_prefix("http://").unwrap();
     // As in a container, which listens on all addresses.
     let everywhere = address.replace("127.0.0.1", "0.0.0.0");

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+mod access;
 mod calls;
 mod command;
 mod default_model;
@@ -11,6 +12,7 @@ mod load;
 mod metrics;
 mod models;
 mod oip;
+mod operate;
 mod replay;
 mod robot;
 mod service;
@@ -18,5 +20,6 @@ mod stream;
 mod stream_pressure;
 mod stream_property;
 mod stream_resume;
+mod tls;
 mod trace;
 mod upload;

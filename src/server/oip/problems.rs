@@ -1,6 +1,6 @@
 //! What can go wrong, for the OpenAPI document.
 
-use crate::server::openapi::{frame_kinds, responses};
+use crate::server::openapi::{AUTH_KINDS, frame_kinds, responses};
 use crate::server::problem::{ErrorForm, Kind};
 use std::collections::BTreeMap;
 use utoipa::IntoResponses;
@@ -82,5 +82,5 @@ impl IntoResponses for AnyoneProblems {
 }
 
 fn keyed<const N: usize>(others: [Kind; N]) -> BTreeMap<String, RefOr<Response>> {
-    responses(ErrorForm::Oip, [Kind::Unauthorized, Kind::Forbidden].into_iter().chain(others))
+    responses(ErrorForm::Oip, AUTH_KINDS.into_iter().chain(others))
 }

@@ -1,7 +1,7 @@
 //! Who may have a stream: the places for streams, and who gives way when they are short.
 
 use super::Arrival;
-use crate::server::auth::KeyName;
+use crate::server::auth::Key;
 use crate::server::caller::CallerId;
 use crate::server::robots::Record;
 use std::collections::BTreeMap;
@@ -22,22 +22,10 @@ pub struct Place {
     pub arrivals: mpsc::Sender<Arrival>,
     /// Whose it is.
     pub holder: CallerId,
-    /// What opened it, and alone can resume it.
-    pub opener: Opener,
-    /// What dashboards may know.
+    /// What dashboards may know, and the key that opened it, which alone can resume it.
     pub record: Arc<Record>,
     /// Cancelled when the stream gives way to another.
     pub given_up: CancellationToken,
-}
-
-/// What a stream was opened with: the key itself, not its name alone, which others may have too. Without keys it
-/// is nothing, and who knows the session may resume it.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Opener {
-    /// The key's name.
-    pub name: Option<KeyName>,
-    /// The key's hash.
-    pub key: Option<blake3::Hash>,
 }
 
 /// Why there is no place.
@@ -78,10 +66,10 @@ impl Places {
         self.taken().remove(session);
     }
 
-    /// How to reach the stream that was opened with the same.
-    pub fn arrivals(&self, session: &str, opener: &Opener) -> Option<mpsc::Sender<Arrival>> {
+    /// How to reach the stream that was opened with the same key; without keys who knows the session may resume it.
+    pub fn arrivals(&self, session: &str, key: Option<&Key>) -> Option<mpsc::Sender<Arrival>> {
         let taken = self.taken();
-        let place = taken.get(session).filter(|place| place.opener == *opener)?;
+        let place = taken.get(session).filter(|place| place.record.key() == key)?;
         Some(place.arrivals.clone())
     }
 
@@ -110,13 +98,13 @@ fn give_up_first(taken: &mut BTreeMap<String, Place>, may_be: impl Fn(&Place) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::server::Role;
 
     fn place(holder: &str) -> Place {
         Place {
             arrivals: mpsc::channel(1).0,
             holder: CallerId::Robot(holder.into()),
-            opener: Opener::default(),
-            record: Arc::new(Record::new("public".into())),
+            record: Arc::new(Record::new("public".into(), None)),
             given_up: CancellationToken::new(),
         }
     }
@@ -165,16 +153,14 @@ mod tests {
     #[test]
     fn a_stream_is_resumed_with_what_opened_it() {
         let places = Places::new(4, 4);
-        let opener = |name: &str, key: &str| Opener {
-            name: Some(KeyName(name.into())),
-            key: Some(blake3::hash(key.as_bytes())),
-        };
-        let boss = opener("boss", "admin's");
-        places.take("secret".into(), Place { opener: boss.clone(), ..place("boss") }).unwrap();
-        assert!(places.arrivals("secret", &boss).is_some());
-        for other in [opener("boss", "robot's"), opener("wall-e", "admin's"), Opener::default()] {
-            assert!(places.arrivals("secret", &other).is_none());
+        let key = |role, secret: u8| Arc::new(Key::new(role, "boss", &[secret; 32]).unwrap().1);
+        let boss = key(Role::Admin, 1);
+        let record = Arc::new(Record::new("public".into(), Some(boss.clone())));
+        places.take("secret".into(), Place { record, ..place("boss") }).unwrap();
+        assert!(places.arrivals("secret", Some(&boss)).is_some());
+        for other in [Some(key(Role::Admin, 2)), Some(key(Role::Robot, 1)), None] {
+            assert!(places.arrivals("secret", other.as_deref()).is_none());
         }
-        assert!(places.arrivals("guessed", &boss).is_none());
+        assert!(places.arrivals("guessed", Some(&boss)).is_none());
     }
 }

@@ -27,6 +27,7 @@ use crate::server::registry::Choice;
 use crate::server::robots::Record;
 use crate::server::trace::FrameSpans;
 use std::io;
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
@@ -181,6 +182,8 @@ impl Session {
                 return End::Lost;
             }
         }
+        let record = self.record.clone();
+        let mut revoked = pin!(app.keyring.revoked(record.key()));
         let every = app.settings.stream_ping();
         let mut pings = interval_at(tokio::time::Instant::now() + every, every);
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -189,6 +192,7 @@ impl Session {
             let said = tokio::select! {
                 biased;
                 () = app.stopping.cancelled() => return self.drain(socket).await,
+                () = revoked.as_mut() => return Over::Close(Close::Revoked).end(socket, &app.streams),
                 Some(news) = self.news.recv() => self.hear(news),
                 Some(arrival) = arrivals.recv() => {
                     app.streams.spawn(socket.close(Close::Replaced));
@@ -269,12 +273,13 @@ impl Session {
 
     /// Goes on with the frames that were accepted, until the robot comes back or its time is up.
     async fn wait_for_return(&mut self, arrivals: &mut mpsc::Receiver<Arrival>) -> Option<Arrival> {
-        let app = self.app.clone();
+        let (app, record) = (self.app.clone(), self.record.clone());
         let returned = async {
             loop {
                 tokio::select! {
                     () = app.stopping.cancelled() => return None,
                     () = self.given_up.cancelled() => return None,
+                    () = app.keyring.revoked(record.key()) => return None,
                     Some(news) = self.news.recv() => { self.hear(news); }
                     arrival = arrivals.recv() => return arrival,
                 }
@@ -429,8 +434,14 @@ impl Session {
     }
 
     fn configure(&mut self, message: Option<&str>) -> ServerMessage {
-        let change = read(message).map_err(Problem::Query);
-        match change.and_then(|change| settings::changed(&self.settings, change, &self.app.registry)) {
+        let changed = || {
+            let change = read(message).map_err(Problem::Query)?;
+            if let Some(robot) = &change.robot {
+                self.app.keyring.check_robot(self.record.key(), robot)?;
+            }
+            settings::changed(&self.settings, change, &self.app.registry)
+        };
+        match changed() {
             Ok(settings) => {
                 self.settings = settings;
                 self.record.configured(self.settings.robot.as_deref(), self.settings.mode);

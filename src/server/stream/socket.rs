@@ -57,6 +57,8 @@ pub enum Close {
     NoModel,
     /// The stream goes on over another connection.
     Replaced,
+    /// The key that opened it is valid no longer.
+    Revoked,
 }
 
 impl Close {
@@ -81,6 +83,7 @@ impl Close {
             Self::Share => (CloseCode::Again, "you have as many streams as one caller may have; close one"),
             Self::GivenUp => (CloseCode::Again, "the stream gave its place to another; begin a new one"),
             Self::NoModel => (CloseCode::Again, "no model serves; try again later"),
+            Self::Revoked => (CloseCode::Policy, "the key that opened the stream is valid no longer"),
             Self::Replaced => (CloseCode::Policy, "the stream was resumed over another connection"),
         };
         CloseFrame { code, reason: Utf8Bytes::from_static(reason) }

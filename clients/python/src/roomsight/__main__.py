@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import ssl
 import sys
 import time
 from pathlib import Path
@@ -21,6 +22,7 @@ def main() -> int:
     parser.add_argument("folder", type=Path, help="pictures, sent in the order of their names")
     parser.add_argument("--url", default="http://127.0.0.1:8080", help="the service (%(default)s)")
     parser.add_argument("--key", default=os.environ.get("ROOMSIGHT_KEY"), help="or ROOMSIGHT_KEY")
+    parser.add_argument("--ca", help="the authority of the service's certificate, a file of PEM")
     parser.add_argument("--robot", help="the name of the robot")
     parser.add_argument("--rate", type=float, default=5.0, help="frames a second (%(default)s)")
     arguments = parser.parse_args()
@@ -59,7 +61,8 @@ def is_picture(path: Path) -> bool:
 
 def stream_frames(arguments: argparse.Namespace, frames: list[Path]) -> None:
     """Sends the frames at their rate, one after the other."""
-    with Client(arguments.url, arguments.key) as client, client.stream(robot=arguments.robot) as stream:
+    believed = ssl.create_default_context(cafile=arguments.ca) if arguments.ca else None
+    with Client(arguments.url, arguments.key, ssl=believed) as client, client.stream(robot=arguments.robot) as stream:
         due = time.monotonic()
         for frame in frames:
             time.sleep(max(0.0, due - time.monotonic()))
