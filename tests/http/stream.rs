@@ -381,6 +381,8 @@ async fn a_robot_that_never_reads_and_one_that_stops_halfway_disturb_nobody() {
     let settings = Settings {
         stream_ping_ms: 50,
         stream_idle_timeout_ms: 400,
+        // Answers to pings come as bytes of the message that is not complete.
+        stream_message_timeout_ms: 400,
         stream_write_timeout_ms: 300,
         stream_resume_ms: 1,
         ..Settings::default()

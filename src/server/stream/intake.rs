@@ -16,10 +16,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::sync::PollSemaphore;
 
-/// What is allocated for a frame that comes in several parts, before it is known how long it will be.
-const FIRST_BYTES: usize = 64 << 10;
-/// The most that is allocated because a robot said how long a frame will be.
-const MAX_TRUSTED_BYTES: usize = 256 << 10;
+/// What is allocated for a long frame before more than this of it has come. Then all that it will have is: memory
+/// that is not written to yet costs nothing, while growing step by step leaves holes.
+const FIRST_BYTES: usize = 256 << 10;
 
 /// What all frames under way share.
 pub struct Intake {
@@ -246,10 +245,9 @@ async fn acquire(semaphore: &mut PollSemaphore, n_permits: usize) -> Option<Owne
 
 /// Appends to the bytes of a frame that will have at most `most`.
 fn extend(bytes: &mut Vec<u8>, more: &[u8], most: usize) {
-    let needed = bytes.len() + more.len();
-    if needed > bytes.capacity() {
-        let first = if most <= MAX_TRUSTED_BYTES { most } else { FIRST_BYTES };
-        let wanted = (bytes.len() * 2).max(first).min(most).max(needed);
+    let n_bytes = bytes.len() + more.len();
+    if n_bytes > bytes.capacity() {
+        let wanted = if n_bytes > FIRST_BYTES { most.max(n_bytes) } else { most.clamp(n_bytes, FIRST_BYTES) };
         bytes.reserve_exact(wanted - bytes.len());
     }
     bytes.extend_from_slice(more);

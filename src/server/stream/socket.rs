@@ -171,7 +171,8 @@ impl Socket {
         }
         let heard = async {
             if matches!(why, Close::Broken(_)) {
-                // What follows can no longer be told apart into messages.
+                // What follows can no longer be told apart into messages, the other side's farewell neither.
+                let _ = self.io.shutdown().await;
                 let mut rest = (&mut self.io).take(LINGER_BYTES);
                 let _ = tokio::io::copy(&mut rest, &mut tokio::io::sink()).await;
             } else {
