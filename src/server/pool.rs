@@ -94,6 +94,7 @@ struct Shared {
     state: Mutex<State>,
     has_work: Condvar,
     size: Size,
+    began: Instant,
 }
 
 struct State {
@@ -123,7 +124,12 @@ impl Pool {
         };
         let state =
             State { jobs: FairQueue::new(bounds), shadows: VecDeque::new(), n_running: 0, is_closed: false };
-        let shared = Arc::new(Shared { state: Mutex::new(state), has_work: Condvar::new(), size });
+        let shared = Arc::new(Shared {
+            state: Mutex::new(state),
+            has_work: Condvar::new(),
+            size,
+            began: Instant::now(),
+        });
         let pool = Self { shared };
         for thread_idx in 0..size.n_threads {
             let shared = pool.shared.clone();
@@ -264,7 +270,7 @@ impl Shared {
     fn next(&self) -> Option<Next> {
         let mut state = self.state();
         while !state.is_closed {
-            let job = state.jobs.take().map(Next::Job);
+            let job = state.jobs.take(self.began.elapsed()).map(Next::Job);
             if let Some(next) = job.or_else(|| state.shadows.pop_front().map(Next::Shadow)) {
                 state.n_running += 1;
                 return Some(next);
@@ -287,7 +293,7 @@ impl Shared {
             Refusal::Share => Whose::Caller,
             Refusal::Full => Whose::All,
         };
-        let work = jobs.work_ahead(caller, refusal);
+        let work = jobs.work_ahead(caller, refusal, self.began.elapsed());
         let retry_after = (work / self.size.n_threads.max(1) as u32).min(LONGEST_WAIT);
         QueueFull { whose, retry_after }
     }

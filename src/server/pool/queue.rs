@@ -2,10 +2,11 @@
 //!
 //! This is start-time fair queueing. Each caller has a virtual time, the work that was done for it; the caller
 //! with the least is served next, its jobs in the order given. What a job costs is known only when it is
-//! done: until then the caller is charged what its jobs cost lately. A caller that comes or comes back begins
-//! at the virtual time of those who were there, so that nobody saves up turns.
+//! done: until then the caller is charged what its jobs cost lately, or what one in work has cost already. A
+//! caller that comes or comes back begins at the virtual time of those who were there, so that nobody saves up
+//! turns.
 //!
-//! Nothing here knows a clock or a thread.
+//! Nothing here knows a thread, or a clock: times of day are given, as durations since any one moment.
 
 use crate::server::caller::CallerId;
 use std::collections::{BTreeSet, HashMap, VecDeque};
@@ -54,7 +55,8 @@ struct Account<J> {
     waiting: VecDeque<Waiting<J>>,
     n_slots: usize,
     n_turns: usize,
-    n_running: usize,
+    /// When each of its jobs in work was taken.
+    running: Vec<Duration>,
     /// Its virtual time.
     served: Duration,
     mean_cost: Duration,
@@ -89,6 +91,7 @@ pub struct Taken<J> {
 pub struct Charge {
     caller: CallerId,
     amount: Duration,
+    taken_at: Duration,
     is_turn: bool,
 }
 
@@ -164,22 +167,22 @@ impl<J> FairQueue<J> {
     }
 
     /// The job that is next, if any waits.
-    pub fn take(&mut self) -> Option<Taken<J>> {
+    pub fn take(&mut self, now: Duration) -> Option<Taken<J>> {
         let Place { served, caller, .. } = self.ready.pop_first()?;
         self.now = self.now.max(served);
         let account = self.accounts.get_mut(&caller)?;
         account.place = None;
         let Waiting { job, is_turn } = account.waiting.pop_front()?;
         self.n_waiting -= 1;
-        let amount = account.mean_cost;
+        let amount = account.cost(now);
         account.served += amount;
-        account.n_running += 1;
+        account.running.push(now);
         self.place(&caller);
-        Some(Taken { job, charge: Charge { caller, amount, is_turn } })
+        Some(Taken { job, charge: Charge { caller, amount, taken_at: now, is_turn } })
     }
 
     /// A job is done, and cost so much; none where nothing had to be done.
-    pub fn finish(&mut self, Charge { caller, amount, is_turn }: Charge, cost: Option<Duration>) {
+    pub fn finish(&mut self, Charge { caller, amount, taken_at, is_turn }: Charge, cost: Option<Duration>) {
         if let Some(cost) = cost {
             self.mean_cost = mean(self.mean_cost, cost, NEWEST_OF_ALL);
         }
@@ -188,7 +191,9 @@ impl<J> FairQueue<J> {
             account.mean_cost = mean(account.mean_cost, cost, NEWEST_OF_CALLER);
         }
         account.served = (account.served + cost.unwrap_or_default()).saturating_sub(amount);
-        account.n_running -= 1;
+        if let Some(idx) = account.running.iter().position(|other| *other == taken_at) {
+            account.running.swap_remove(idx);
+        }
         account.n_turns -= usize::from(is_turn);
         self.n_turns -= usize::from(is_turn);
         self.place(&caller);
@@ -196,11 +201,11 @@ impl<J> FairQueue<J> {
     }
 
     /// The work to be done before a slot is likely to be had by a caller that was refused.
-    pub fn work_ahead(&self, caller: &CallerId, refusal: Refusal) -> Duration {
+    pub fn work_ahead(&self, caller: &CallerId, refusal: Refusal, now: Duration) -> Duration {
         match (refusal, self.accounts.get(caller)) {
             // While its own work is done, as much is done for each of the others that wait.
-            (Refusal::Share, Some(account)) => account.work() * self.ready.len().max(1) as u32,
-            _ => self.accounts.values().map(Account::work).sum(),
+            (Refusal::Share, Some(account)) => account.work(now) * self.ready.len().max(1) as u32,
+            _ => self.accounts.values().map(|account| account.work(now)).sum(),
         }
     }
 
@@ -290,7 +295,7 @@ impl<J> FairQueue<J> {
             waiting: VecDeque::new(),
             n_slots: 0,
             n_turns: 0,
-            n_running: 0,
+            running: Vec::new(),
             served: self.now + self.mean_cost.mul_f64(ENTRY),
             mean_cost: self.mean_cost,
             place: None,
@@ -312,12 +317,18 @@ impl<J> Account<J> {
     }
 
     fn is_idle(&self) -> bool {
-        self.n_held() == 0 && self.n_running == 0
+        self.n_held() == 0 && self.running.is_empty()
     }
 
-    /// What its jobs are likely to cost.
-    fn work(&self) -> Duration {
-        self.mean_cost * self.n_held() as u32
+    /// What a job is likely to cost: what they cost lately, or what one in work has cost already.
+    fn cost(&self, now: Duration) -> Duration {
+        let longest = self.running.iter().map(|&taken_at| now.saturating_sub(taken_at)).max();
+        self.mean_cost.max(longest.unwrap_or_default())
+    }
+
+    /// What all its jobs are likely to cost.
+    fn work(&self, now: Duration) -> Duration {
+        self.cost(now) * self.n_held() as u32
     }
 }
 

@@ -214,7 +214,8 @@ async fn the_time_to_come_back_follows_the_work_that_waits() {
     let (pool, release, task) = busy_pool(2).await;
     let held = (slot(&pool), slot(&pool));
     let full = pool.has_room(&robot("wall-e")).unwrap_err();
-    assert_eq!(full.retry_after, Duration::from_millis(30), "three jobs of ten milliseconds, on one thread");
+    // Three jobs of ten milliseconds, on one thread, or longer where the first has taken longer.
+    assert!((Duration::from_millis(30)..LONGEST_WAIT).contains(&full.retry_after), "{full:?}");
     drop((release, held));
     task.await.unwrap();
 }

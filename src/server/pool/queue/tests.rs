@@ -40,7 +40,7 @@ impl Simulation {
     /// Lets idle threads take what waits.
     fn start(&mut self) {
         for thread in self.threads.iter_mut().filter(|thread| thread.is_none()) {
-            let Some(Taken { job: cost, charge }) = self.queue.take() else { return };
+            let Some(Taken { job: cost, charge }) = self.queue.take(self.clock) else { return };
             *thread = Some(Busy { until: self.clock + cost, cost, charge });
         }
     }
@@ -87,7 +87,7 @@ fn filled(bounds: Bounds, jobs: &[(&str, usize)]) -> FairQueue<usize> {
 /// The callers of the jobs in the order in which one thread takes them, where all cost the same.
 fn order(mut queue: FairQueue<usize>) -> String {
     let mut names = String::new();
-    while let Some(Taken { charge, .. }) = queue.take() {
+    while let Some(Taken { charge, .. }) = queue.take(Duration::ZERO) {
         let CallerId::Robot(name) = &charge.caller else { panic!("a robot") };
         names.push_str(name);
         queue.finish(charge, Some(FIRST_GUESS));
@@ -100,9 +100,9 @@ fn callers_take_turns_and_each_ones_jobs_stay_in_order() {
     assert_eq!(order(filled(BOUNDS, &[("a", 3), ("b", 1), ("c", 2)])), "abcaca");
     let mut queue = filled(BOUNDS, &[("a", 3)]);
     for expected in 0..3 {
-        assert_eq!(queue.take().unwrap().job, expected);
+        assert_eq!(queue.take(Duration::ZERO).unwrap().job, expected);
     }
-    assert!(queue.take().is_none());
+    assert!(queue.take(Duration::ZERO).is_none());
 }
 
 #[test]
@@ -141,7 +141,7 @@ fn a_turn_counts_but_cannot_be_pushed_out() {
     }
     assert_eq!(queue.has_room(&robot("e"), 1), Ok(()), "two turns are more than one frame");
     assert_eq!(queue.has_room(&robot("e"), 2), Err(Refusal::Full));
-    assert_eq!(queue.take().map(|taken| queue.finish(taken.charge, None)), Some(()));
+    assert_eq!(queue.take(Duration::ZERO).map(|taken| queue.finish(taken.charge, None)), Some(()));
     assert_eq!(queue.has_room(&robot("d"), 3), Err(Refusal::Full));
     let mut one_each = FairQueue::new(bounds);
     for stream in ["a", "b", "c", "d"] {
@@ -164,13 +164,22 @@ fn turns_do_not_let_frames_take_more_places_than_there_are() {
 fn the_work_ahead_is_what_waits_times_what_it_costs() {
     let mut queue = filled(BOUNDS, &[("a", 6)]);
     for _ in 0..100 {
-        let Some(Taken { charge, .. }) = queue.take() else { break };
+        let Some(Taken { charge, .. }) = queue.take(Duration::ZERO) else { break };
         queue.finish(charge, Some(ms(600)));
         queue.push(&robot("a"), 0);
     }
-    let work = queue.work_ahead(&robot("a"), Refusal::Share);
+    let work = queue.work_ahead(&robot("a"), Refusal::Share, Duration::ZERO);
     assert!((ms(3500)..=ms(3600)).contains(&work), "{work:?}");
-    assert_eq!(queue.work_ahead(&robot("b"), Refusal::Full), work);
+    assert_eq!(queue.work_ahead(&robot("b"), Refusal::Full, Duration::ZERO), work);
+}
+
+#[test]
+fn a_job_in_work_tells_what_those_that_wait_may_cost() {
+    let mut queue = filled(BOUNDS, &[("a", 5)]);
+    let Taken { charge, .. } = queue.take(ms(1000)).unwrap();
+    assert_eq!(queue.work_ahead(&robot("a"), Refusal::Share, ms(1600)), 5 * ms(600));
+    assert_eq!(queue.take(ms(1600)).unwrap().charge.amount, ms(600));
+    queue.finish(charge, Some(ms(700)));
 }
 
 #[test]
@@ -283,7 +292,7 @@ proptest! {
                     queue.push_turn(&caller, (caller.clone(), true));
                     n_turns += 1;
                 }
-                2 => running.extend(queue.take()),
+                2 => running.extend(queue.take(Duration::ZERO)),
                 _ => if let Some(Taken { job: (caller, is_turn), charge }) = running.pop() {
                     if is_turn {
                         n_turns -= 1;
