@@ -146,10 +146,18 @@ impl Acceptor {
             let _permit = permit;
             let stream = match &app.tls {
                 None => Either::Left(stream),
-                Some(tls) => match tls.accept(stream).await {
-                    Ok(stream) => Either::Right(stream),
-                    Err(error) => return tracing::debug!(peer = %peer.0, %error, "a handshake of TLS failed"),
-                },
+                Some(tls) => {
+                    let shaken = tokio::select! {
+                        shaken = tls.accept(stream) => shaken,
+                        () = stop(stopped.clone()), if life == Life::UntilStop => return,
+                    };
+                    match shaken {
+                        Ok(stream) => Either::Right(stream),
+                        Err(error) => {
+                            return tracing::debug!(peer = %peer.0, %error, "a handshake of TLS failed");
+                        }
+                    }
+                }
             };
             let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service).with_upgrades());
             let result = tokio::select! {
