@@ -163,10 +163,18 @@ impl Acceptor {
             let line = place.line().clone();
             let stream = match &app.tls {
                 None => Either::Left(stream),
-                Some(tls) => match tls.accept(stream).await {
-                    Ok(stream) => Either::Right(stream),
-                    Err(error) => return tracing::debug!(peer = %peer.0, %error, "a handshake of TLS failed"),
-                },
+                Some(tls) => {
+                    let shaken = tokio::select! {
+                        shaken = tls.accept(stream) => shaken,
+                        () = stop(stopped.clone()), if life == Life::UntilStop => return,
+                    };
+                    match shaken {
+                        Ok(stream) => Either::Right(stream),
+                        Err(error) => {
+                            return tracing::debug!(peer = %peer.0, %error, "a handshake of TLS failed");
+                        }
+                    }
+                }
             };
             let stream = WriteTimeout::new(stream, write_timeout);
             let service = service(router, peer, line.clone(), stream.switch());

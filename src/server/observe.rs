@@ -80,7 +80,13 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     async {
         let mut request = linger(request);
         request.extensions_mut().insert(context.clone());
-        let response = complete(next.run(request).await, &context, form);
+        let response = if has_one_host(&request) {
+            next.run(request).await
+        } else {
+            // What stands between might read it otherwise.
+            Problem::Query("send one header Host".to_owned()).into_response()
+        };
+        let response = complete(response, &context, form);
         let (status, took) = (response.status(), context.arrived.elapsed());
         app.metrics.answered(route_name(), &method, (status, took));
         let is_told = !status.is_client_error()
@@ -95,15 +101,6 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     }
     .instrument(span)
     .await
-}
-
-/// Refuses a request that does not say once to whom it speaks: what stands between might read it otherwise.
-pub async fn demand_host(request: Request, next: Next) -> Response {
-    if has_one_host(&request) {
-        next.run(request).await
-    } else {
-        Problem::Query("send one header Host".to_owned()).into_response()
-    }
 }
 
 /// The answer to a request whose handler panicked; the panic itself is in the log.

@@ -16,7 +16,7 @@ use super::{App, auth, events, models, observe, oip, robots, stream};
 use crate::protocol::rest::{Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, RecognizeQuery};
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::HeaderName;
-use axum::middleware::{from_fn, from_fn_with_state};
+use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Redirect};
 use axum::routing::get;
 use axum::{Json, Router};
@@ -44,8 +44,7 @@ pub fn router(app: App) -> Router {
         .route("/", get(|| async { Redirect::temporary("/docs/") }))
         // Forms have limits of our own, see `body`.
         .layer(DefaultBodyLimit::disable())
-        .layer(CatchPanicLayer::custom(observe::panicked))
-        .layer(from_fn(observe::demand_host));
+        .layer(CatchPanicLayer::custom(observe::panicked));
     let api = match app.sites.cors() {
         Some(cors) => api.layer(cors),
         None => api,

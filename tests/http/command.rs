@@ -140,6 +140,10 @@ fn a_new_key_goes_into_the_settings_and_stays_hidden() {
     assert!(printed.contains("max_frame_bytes = "), "{printed}");
     let again = text(&output(&["key", "new", "--role", "robot", "--name", "wall-e"]).stdout);
     assert_ne!(made, again);
+    let bound = ["key", "new", "--role", "robot", "--name", "kitchen", "--robots", "wall-e,eve"];
+    assert!(text(&output(&bound).stdout).contains(":wall-e+eve\"]"), "{made}");
+    let viewer = failure(&["key", "new", "--role", "viewer", "--name", "x", "--robots", "eve"]);
+    assert!(viewer.contains("role robot"), "{viewer}");
     assert_eq!(output(&["key", "new", "--role", "king", "--name", "x"]).status.code(), Some(2));
 }
 

@@ -1,11 +1,12 @@
 //! The service over TLS, with the certificates of `tests/tls`.
 
+use crate::command::{failure, output};
 use crate::service::{Server, client, frame, read_raw};
 use reqwest::{Certificate, Identity};
 use roomsight::client::{Client, ClientError};
 use roomsight::protocol::rest::RecognizeQuery;
 use roomsight::protocol::stream::{Configure, ServerMessage};
-use roomsight::server::Settings;
+use roomsight::server::{Key, Role, Settings};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -40,8 +41,6 @@ async fn frames_and_streams_go_over_tls() {
     stream.send(frame()).await.unwrap();
     let ServerMessage::Result(result) = stream.receive().await.unwrap() else { panic!("no result") };
     assert_eq!(result.answer.room, answer.room);
-    let signed_in = builder().build().unwrap().post(format!("{}/v1/session", url(&server))).send().await;
-    assert!(signed_in.unwrap().status().is_success());
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -52,6 +51,26 @@ async fn who_does_not_believe_the_certificate_does_not_call() {
     assert!(matches!(error, ClientError::Call(_)), "{error}");
     let error = Client::believing(&url(&server), None, b"no certificate").unwrap_err();
     assert!(error.to_string().contains("no certificate"), "{error}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_commands_call_over_tls() {
+    let server = Server::start(settings()).await;
+    let (url, authority) = (url(&server), path("ca.pem"));
+    let listed = output(&["models", "list", "--url", &url, "--ca", authority.to_str().unwrap()]);
+    assert!(listed.status.success() && String::from_utf8_lossy(&listed.stdout).contains("lab"), "{listed:?}");
+    let unbelieved = failure(&["models", "list", "--url", &url]);
+    assert!(unbelieved.contains(&url), "{unbelieved}");
+    assert!(output(&["health", &url]).status.success());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_session_over_tls_never_travels_without() {
+    let (secret, key) = Key::new(Role::Viewer, "screen", &[1; 32]).unwrap();
+    let server = Server::start(Settings { keys: vec![key], ..settings() }).await;
+    let sign_in = builder().build().unwrap().post(format!("{}/v1/session", url(&server)));
+    let answer = sign_in.bearer_auth(secret).send().await.unwrap();
+    assert!(answer.headers()["set-cookie"].to_str().unwrap().ends_with("; Secure"), "{answer:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
