@@ -126,6 +126,16 @@ fn numbers_that_make_no_sense_do_no_harm() {
 }
 
 #[test]
+fn times_that_make_no_sense_are_learned_as_none_or_long() {
+    let learn = |times: [f64; 2]| {
+        Transitions::learn(2, times.map(|seconds| Step { from: 0, to: 1, seconds })).dwells().to_vec()
+    };
+    assert_eq!(learn([f64::NAN, 3.0]), learn([0.0, 3.0]));
+    assert_eq!(learn([-7.0, 3.0]), learn([0.0, 3.0]));
+    assert_eq!(learn([f64::MAX, f64::MAX]), learn([1e9, f64::INFINITY]));
+}
+
+#[test]
 fn a_room_that_was_ruled_out_comes_back() {
     let transitions = Transitions::unlearned(2);
     let mut filter = RoomFilter::new(2, trust(1.0));

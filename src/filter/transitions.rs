@@ -38,7 +38,7 @@ pub struct Step {
     pub from: usize,
     /// The room of the second.
     pub to: usize,
-    /// The time between them, at least 0.
+    /// The time between them. What is negative or no number counts as 0, what exceeds 1e8 as that.
     pub seconds: f64,
 }
 
@@ -80,7 +80,7 @@ impl Transitions {
         let mut n_departures = vec![0.0; n_places];
         let mut counts = vec![vec![0.0; n_places]; n_places];
         for step in steps {
-            seconds[step.from] += step.seconds;
+            seconds[step.from] += sensible(step.seconds);
             if step.from != step.to {
                 n_departures[step.from] += 1.0;
                 counts[step.from][step.to] += 1.0;
@@ -147,8 +147,7 @@ impl Transitions {
     pub(super) fn predict(&self, belief: &[f32], elapsed: f64) -> Vec<f64> {
         assert_eq!(belief.len(), self.dwells.len(), "transitions between other rooms");
         let belief: Vec<f64> = belief.iter().copied().map(f64::from).collect();
-        // The maximum with what is no number is the other number.
-        let n_jumps = elapsed.clamp(0.0, MAX_ELAPSED).max(0.0) / self.shortest_dwell();
+        let n_jumps = sensible(elapsed) / self.shortest_dwell();
         if n_jumps <= MAX_JUMPS {
             return self.after_jumps(belief, n_jumps);
         }
@@ -197,6 +196,12 @@ impl Transitions {
     fn shortest_dwell(&self) -> f64 {
         f64::from(self.dwells.iter().copied().fold(DWELL_RANGE.1 as f32, f32::min))
     }
+}
+
+/// A time of unknown origin, in seconds, from 0 to [`MAX_ELAPSED`].
+fn sensible(seconds: f64) -> f64 {
+    // The maximum with what is no number is the other number.
+    seconds.clamp(0.0, MAX_ELAPSED).max(0.0)
 }
 
 /// The sum of `rows`, each times its weight.
