@@ -22,7 +22,9 @@ pub struct Problem {
 impl Problem {
     /// What is wrong with a whole file or folder.
     pub fn new(path: &Path, reason: impl Into<String>) -> Self {
-        Self { path: path.to_owned(), line: None, reason: reason.into(), detail: String::new() }
+        // Some decoders end their sentences with an empty line.
+        let reason = reason.into().trim_end().to_owned();
+        Self { path: path.to_owned(), line: None, reason, detail: String::new() }
     }
 
     pub(super) fn at(self, line: u64) -> Self {
