@@ -26,6 +26,9 @@ use std::array;
 /// A progressive frame brings its whole area once a scan; real ones have about ten.
 const MAX_SCANS: usize = 64;
 
+/// A frame is refused where less than one part in so many of its rows lies together.
+const MIN_VISIBLE_SHARE: usize = 3;
+
 /// What XMP begins with.
 const XMP: &[u8] = b"http://ns.adobe.com/xap/1.0/\0";
 
@@ -319,7 +322,7 @@ impl<'a> Reader<'a> {
             return Err(damaged("it ends before its pixels begin"));
         }
         let whole_rows = frame.whole_rows();
-        if 2 * whole_rows.len() < frame.height {
+        if whole_rows.len() * MIN_VISIBLE_SHARE < frame.height {
             return Err(damaged(&format!(
                 "of its {} rows only {} are there; send the whole file",
                 frame.height,
