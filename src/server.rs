@@ -6,10 +6,12 @@
 //! |---|---|
 //! | `settings` | what an operator may set |
 //! | `listen` | connections, and the graceful stop |
+//! | `refusal` | what never becomes a request is told why |
 //! | `observe` | around every request: its id, its log line, its error in one form |
 //! | `routes` | the paths, grouped by who may call them |
 //! | `auth` | keys and roles, checked before a byte of the body is read |
 //! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
+//! | `media_type` | what a body is, by its type and by its bytes |
 //! | `answers` | the frames of one request, admitted and answered together |
 //! | `recognize` | the one path from bytes to an answer |
 //! | `pool` | the threads that recognize, and the bounded queue before them |
@@ -37,6 +39,7 @@ mod body;
 mod events;
 mod linger;
 mod listen;
+mod media_type;
 mod metrics;
 mod models;
 mod observe;
@@ -46,6 +49,7 @@ mod pool;
 mod problem;
 mod query;
 mod recognize;
+mod refusal;
 mod registry;
 mod robots;
 mod routes;

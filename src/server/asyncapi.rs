@@ -24,7 +24,7 @@ const SERVER_EXAMPLES: [(&str, &str); 7] = [
         r#"{"type": "hello", "protocol": "roomsight.v1", "session": "0f3a5d1c9b7e48262d10c4f58e93ab67",
             "resumed": false, "next_seq": 0,
             "settings": {"robot": "wall-e", "model": "lab", "mode": "latest", "interval_ms": null,
-                "filter": {"trust": 0.2}, "deadline_ms": null, "top": null},
+                "filter": {"trust": 2.0}, "deadline_ms": null, "top": null},
             "limits": {"max_frame_bytes": 16777216, "max_frame_pixels": 50000000, "window": 16,
                 "idle_timeout_ms": 45000, "resume_ms": 30000},
             "modes": ["latest", "lossless", "sampled"],

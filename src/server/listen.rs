@@ -1,6 +1,7 @@
 //! Connections: how many, how long, and how they end.
 
 use super::App;
+use super::refusal::Refusals;
 use super::routes::router;
 use super::watch::watch;
 use hyper::Request;
@@ -20,7 +21,7 @@ use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
 use tokio::task::JoinSet;
 
 /// The most that is read ahead on one connection, and so the longest head of a request. What is no HTTP
-/// or exceeds it is answered by hyper, before there is a request: with 400 or 431 and no body.
+/// or exceeds it is answered before there is a request, see [`Refusals`].
 const MAX_BUFFER_BYTES: usize = 64 << 10;
 /// How long to wait after `accept` failed, most likely for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
@@ -35,6 +36,7 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
     let (stop, stopped) = watch::channel(false);
     let acceptor = Acceptor {
         service: TowerToHyperService::new(router(app.clone())),
+        app: app.clone(),
         permits: Arc::new(Semaphore::new(app.settings.max_connections)),
         header_timeout: app.settings.header_timeout(),
         listener,
@@ -75,6 +77,7 @@ enum Life {
 }
 
 struct Acceptor {
+    app: App,
     listener: TcpListener,
     service: TowerToHyperService<axum::Router>,
     permits: Arc<Semaphore>,
@@ -130,7 +133,7 @@ impl Acceptor {
             .header_read_timeout(self.header_timeout)
             .max_buf_size(MAX_BUFFER_BYTES)
             .keep_alive(life == Life::UntilStop)
-            .serve_connection(TokioIo::new(stream), service)
+            .serve_connection(TokioIo::new(Refusals::new(stream, self.app.clone())), service)
             .with_upgrades();
         let stopped = self.stopped.clone();
         async move {

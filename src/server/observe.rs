@@ -6,7 +6,7 @@ use super::listen::Peer;
 use super::problem::{ErrorForm, Problem};
 use super::trace::TraceParent;
 use axum::extract::{MatchedPath, Request, State};
-use axum::http::{HeaderName, HeaderValue, header};
+use axum::http::{HeaderName, HeaderValue, Version, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use std::any::Any;
@@ -45,7 +45,8 @@ impl RequestIds {
         Self { process: RandomState::new().hash_one(0) as u32, next: AtomicU64::new(1) }
     }
 
-    fn next(&self) -> Arc<str> {
+    /// The next one.
+    pub fn next(&self) -> Arc<str> {
         format!("{:08x}-{:06x}", self.process, self.next.fetch_add(1, Ordering::Relaxed)).into()
     }
 }
@@ -76,7 +77,11 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     async {
         let mut request = linger(request);
         request.extensions_mut().insert(context.clone());
-        let response = complete(next.run(request).await, &context, form);
+        let response = match check_host(&request) {
+            Ok(()) => next.run(request).await,
+            Err(problem) => problem.into_response(),
+        };
+        let response = complete(response, &context, form);
         let (status, took) = (response.status(), context.arrived.elapsed());
         app.metrics.answered(route_name(), &method, (status, took));
         tracing::info!(status = status.as_u16(), ms = took.as_micros() as f64 / 1e3, "answered");
@@ -84,6 +89,18 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     }
     .instrument(span)
     .await
+}
+
+/// Refuses requests from which others may read another host than this service does: those of HTTP/1.1 with
+/// none, and those with several (RFC 9112, section 3.2).
+fn check_host(request: &Request) -> Result<(), Problem> {
+    let n_hosts = request.headers().get_all(header::HOST).iter().count();
+    let may_have_none = request.version() < Version::HTTP_11;
+    match n_hosts {
+        1 => Ok(()),
+        0 if may_have_none => Ok(()),
+        _ => Err(Problem::Query(format!("the request has {n_hosts} headers Host; send one"))),
+    }
 }
 
 /// The answer to a request whose handler panicked; the panic itself is in the log.

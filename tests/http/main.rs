@@ -9,6 +9,8 @@ mod load;
 mod metrics;
 mod models;
 mod oip;
+mod proxy;
+mod refusal;
 mod replay;
 mod robot;
 mod service;
