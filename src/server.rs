@@ -7,6 +7,7 @@
 //! | `settings` | what an operator may set |
 //! | `listen` | connections, and the graceful stop |
 //! | `places`, `write_timeout` | which connection gives way, and which is given up |
+//! | `misread` | what never becomes a request is told why |
 //! | `observe` | around every request: its id, its log line, its error in one form |
 //! | `routes` | the paths, grouped by who may call them |
 //! | `tls` | certificates, and their renewal |
@@ -15,6 +16,7 @@
 //! | `reload` | what changes without a restart |
 //! | `bodies` | the memory for bodies, and who gives way when it is short |
 //! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
+//! | `media_type` | what a body is, by its type and by its bytes |
 //! | `answers` | the frames of one request, admitted and answered together |
 //! | `caller` | who calls, for what callers share |
 //! | `recognize` | the one path from bytes to an answer |
@@ -45,7 +47,9 @@ mod caller;
 mod events;
 mod linger;
 mod listen;
+mod media_type;
 mod metrics;
+mod misread;
 mod models;
 mod observe;
 mod oip;

@@ -6,6 +6,10 @@ use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use utoipa::{IntoParams, ToSchema};
 
+/// A frame for examples: a checkerboard of 16 x 16 pixels, a PNG in base64.
+pub const EXAMPLE_FRAME: &str = "iVBORw0KGgoAAAANSUhEUgAAABAAAAAQCAAAAAA6mKC9AAAAG0lEQVR42mOwAYITQACjGcgQQOaAaHIEBok7ABUbgg\
+    Gc36zkAAAAAElFTkSuQmCC";
+
 /// What a caller may ask about a frame.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, IntoParams)]
 #[serde(deny_unknown_fields)]
@@ -22,7 +26,8 @@ pub struct RecognizeQuery {
     /// Who asks. Sent back, and in the log.
     #[param(example = "wall-e", max_length = 64)]
     pub robot: Option<String>,
-    /// When the frame was taken, in any notation. Sent back as it came.
+    /// When the frame was taken: a date and a time (RFC 3339, or ISO 8601 without an offset), or a number
+    /// since 1970, in seconds or parts of them. Sent back as it came.
     #[param(example = "2030-01-31T12:00:00.250Z", max_length = 64)]
     pub captured_at: Option<String>,
     /// How long after the arrival of the request the frame may wait before it is looked at.
@@ -39,9 +44,10 @@ pub struct RecognizeQuery {
 /// A frame as JSON.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-#[schema(example = json!({"frame": "/9j/4AAQSkZJRgABAQ..."}))]
+#[schema(example = json!({"frame": EXAMPLE_FRAME}))]
 pub struct FrameJson<'a> {
-    /// The image in base64.
+    /// The image in base64, in any of the usual ways of writing it: in lines or not, with or without `=` at its
+    /// end, in the alphabet for addresses, with a `data:image/...;base64,` before it.
     #[serde(borrow)]
     pub frame: Cow<'a, str>,
 }

@@ -123,14 +123,20 @@ pub enum FilterChoice {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilterSettings {
-    /// How much one frame counts, above 0 to 10: lower is steadier and later to notice a change of room.
+    /// How much one frame counts, above 0 to 10: lower is steadier and later to notice a change of room. Streams
+    /// that say nothing of the filter have the default.
+    #[schema(default = default_trust, exclusive_minimum = 0, maximum = 10)]
     pub trust: f32,
 }
 
 impl Default for FilterSettings {
     fn default() -> Self {
-        Self { trust: Trust::default().into() }
+        Self { trust: default_trust() }
     }
+}
+
+fn default_trust() -> f32 {
+    Trust::default().into()
 }
 
 /// How a stream is configured.

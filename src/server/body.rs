@@ -8,16 +8,17 @@
 use super::App;
 use super::bodies::Held;
 use super::caller::CallerId;
+use super::media_type::{MediaType, content_type};
 use super::places::Line;
 use super::pool::QueueFull;
 use super::problem::Problem;
 use super::recognize::RecognizeError;
+use crate::protocol::base64_text;
+use crate::protocol::object::Object;
 use crate::protocol::rest::FrameJson;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{FromRequest, Multipart, Request};
-use axum::http::{HeaderMap, header};
-use base64::Engine;
-use base64::prelude::BASE64_STANDARD;
+use axum::http::header;
 use http_body_util::BodyExt;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -86,6 +87,12 @@ pub enum BodyError {
     /// Compressed.
     #[error("a body with the Content-Encoding {0:?} is not read here; send it as it is")]
     Encoded(String),
+    /// An image without the bytes that `curl -d` leaves out.
+    #[error(
+        "this is no image, or it lost bytes on the way; send it with `curl --data-binary @frame.jpg` (`-d` leaves \
+         out zeros and ends of lines), or as multipart/form-data with `curl -F frame=@frame.jpg`"
+    )]
+    Stripped,
     /// Not what its type says.
     #[error("{0}")]
     Malformed(String),
@@ -99,36 +106,28 @@ pub enum BodyError {
     NoMemory(QueueFull),
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum MediaType {
-    Image,
-    Form,
-    Json,
-}
-
 impl FromRequest<App> for OneFrame {
     type Rejection = Problem;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
-        const TYPES: &str = "image/jpeg, image/png, image/webp, image/bmp, image/x-portable-graymap or \
-            application/octet-stream, multipart/form-data with a field `frame`, or application/json with \
-            base64 in `frame`";
-        let media_type = media_type(request.headers(), TYPES)?;
+        const TYPES: &str = "the image itself, as image/jpeg or as application/octet-stream, \
+            multipart/form-data with a field `frame`, or application/json with base64 in `frame`";
+        let told = MediaType::told(request.headers(), TYPES)?;
         let max_bytes = app.settings.max_frame_bytes;
-        let limit = match media_type {
-            MediaType::Image => max_bytes,
+        let limit = match told {
+            MediaType::Image | MediaType::Untold => max_bytes,
             MediaType::Form => max_bytes + ENVELOPE_BYTES,
-            MediaType::Json => max_bytes.div_ceil(3) * 4 + ENVELOPE_BYTES,
+            MediaType::Json => base64_text::longest(max_bytes) + ENVELOPE_BYTES,
         };
         let (request, body) = read(app, request, limit).await?;
-        let frame = match media_type {
-            MediaType::Image => body,
-            MediaType::Form => only(form_frames(app, request, body, 2).await?)?,
-            MediaType::Json => {
-                let n_bytes = body.bytes.len();
-                let read = move || Ok::<_, BodyError>(body.part(json_frame(&body.bytes)?));
-                take_apart(app, &CallerId::of(request.extensions()), n_bytes, read).await??
-            }
+        let frame = if told == MediaType::Form {
+            only(form_frames(app, request, body, 2).await?)?
+        } else if told.judged(&body.bytes)? == MediaType::Json {
+            let n_bytes = body.bytes.len();
+            let read = move || Ok::<_, BodyError>(body.part(json_frame(&body.bytes)?));
+            take_apart(app, &CallerId::of(request.extensions()), n_bytes, read).await??
+        } else {
+            body
         };
         if frame.bytes.len() > max_bytes {
             return Err(BodyError::TooLarge { limit: max_bytes }.into());
@@ -143,7 +142,7 @@ impl FromRequest<App> for Frames {
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
         const TYPES: &str = "multipart/form-data with a field `frame` for each frame";
         let headers = request.headers();
-        if media_type(headers, TYPES)? != MediaType::Form {
+        if MediaType::told(headers, TYPES)? != MediaType::Form {
             return Err(BodyError::UnsupportedType(content_type(headers).to_owned(), TYPES).into());
         }
         let max_frames = app.settings.max_batch_frames;
@@ -170,10 +169,14 @@ pub async fn read(app: &App, request: Request, limit: usize) -> Result<(Request,
     if frame.bytes.is_empty() { Err(BodyError::Empty.into()) } else { Ok((request, frame)) }
 }
 
-/// Reads the body of a request without frames: a little JSON; its default where there is none.
-pub async fn read_json<T: DeserializeOwned + Default>(app: &App, request: Request) -> Result<T, BodyError> {
+/// Reads the body of a request without frames: a little object of JSON, if there is one.
+pub async fn read_json<T: DeserializeOwned>(app: &App, request: Request) -> Result<Option<T>, BodyError> {
     let (_, body) = receive(app, request, ENVELOPE_BYTES).await?;
-    if body.bytes.is_empty() { Ok(T::default()) } else { from_json(&body.bytes) }
+    if body.bytes.is_empty() {
+        return Ok(None);
+    }
+    let object: Option<Object<T>> = from_json(&body.bytes)?;
+    Ok(object.map(|Object(value)| value))
 }
 
 /// Reads a body of at most `limit` bytes, within time.
@@ -242,25 +245,6 @@ pub async fn take_apart<T: Send + 'static>(
     Ok(app.pool.run(slot, |_| work()).await.map_err(RecognizeError::from)?)
 }
 
-fn content_type(headers: &HeaderMap) -> &str {
-    headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default()
-}
-
-/// How to read a body; one without a type is taken for an image.
-fn media_type(headers: &HeaderMap, types: &'static str) -> Result<MediaType, BodyError> {
-    let content_type = content_type(headers);
-    let essence = content_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
-    match essence.as_str() {
-        "" | "application/octet-stream" => Ok(MediaType::Image),
-        "image/jpeg" | "image/png" | "image/webp" | "image/bmp" | "image/x-portable-graymap" => {
-            Ok(MediaType::Image)
-        }
-        "multipart/form-data" => Ok(MediaType::Form),
-        "application/json" => Ok(MediaType::Json),
-        _ => Err(BodyError::UnsupportedType(content_type.to_owned(), types)),
-    }
-}
-
 /// The frames of a form in the order sent, at most `max_frames` of them.
 async fn form_frames(
     app: &App,
@@ -309,9 +293,8 @@ fn only(mut frames: Vec<Frame>) -> Result<Frame, BodyError> {
 }
 
 fn json_frame(body: &[u8]) -> Result<Bytes, BodyError> {
-    let text: FrameJson = from_json(body)?;
-    let bytes = BASE64_STANDARD
-        .decode(text.frame.as_bytes())
+    let Object::<FrameJson>(json) = from_json(body)?;
+    let bytes = base64_text::decode(&json.frame)
         .map_err(|error| BodyError::Malformed(format!("`frame` is not base64: {error}")))?;
     if bytes.is_empty() { Err(BodyError::Empty) } else { Ok(bytes.into()) }
 }

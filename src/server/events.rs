@@ -5,6 +5,7 @@ use crate::server::App;
 use crate::server::auth::Key;
 use axum::Extension;
 use axum::extract::State;
+use axum::http::HeaderName;
 use axum::response::IntoResponse;
 use axum::response::sse::{self, KeepAlive, Sse};
 use futures_util::stream;
@@ -18,6 +19,9 @@ use tokio::sync::broadcast::{self, Receiver};
 const N_KEPT: usize = 256;
 /// How often a reader hears something when nothing happens, so that nobody between cuts the line.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
+
+/// Tells nginx, and those that learned it from nginx, to pass each event on as it comes.
+const X_ACCEL_BUFFERING: HeaderName = HeaderName::from_static("x-accel-buffering");
 
 /// Where events are told, and who listens.
 #[derive(Clone)]
@@ -68,7 +72,7 @@ pub async fn events(State(app): State<App>, key: Option<Extension<Arc<Key>>>) ->
         }
         Some((Ok::<_, Infallible>(as_sent(&event)), (reader, app, key)))
     });
-    Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))
+    ([(X_ACCEL_BUFFERING, "no")], Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }
 
 async fn next(reader: &mut Receiver<Arc<Event>>) -> Option<Arc<Event>> {

@@ -1,6 +1,7 @@
 //! Connections: how many, how long, and how they end.
 
 use super::caller::CallerId;
+use super::misread::Misread;
 use super::places::{Line, Place, Places};
 use super::routes::router;
 use super::watch::watch;
@@ -27,7 +28,7 @@ use tokio::task::JoinSet;
 use tokio_util::either::Either;
 
 /// The most that is read ahead on one connection, and so the longest head of a request. What is no HTTP
-/// or exceeds it is answered by hyper, before there is a request: with 400 or 431 and no body.
+/// or exceeds it is answered before there is a request, see [`Misread`].
 const MAX_BUFFER_BYTES: usize = 64 << 10;
 /// How long to wait after `accept` failed, most likely for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
@@ -178,7 +179,8 @@ impl Acceptor {
             };
             let stream = WriteTimeout::new(stream, write_timeout);
             let service = service(router, peer, line.clone(), stream.switch());
-            let mut connection = pin!(http.serve_connection(TokioIo::new(stream), service).with_upgrades());
+            let stream = TokioIo::new(Misread::new(stream, app.clone()));
+            let mut connection = pin!(http.serve_connection(stream, service).with_upgrades());
             let result = tokio::select! {
                 result = connection.as_mut() => result,
                 () = stop(stopped), if life == Life::UntilStop => {

@@ -1,8 +1,9 @@
 //! The calls about models: what there is, what serves, and changes of both.
 
 use super::App;
+use super::body::{BodyError, read_json};
 use super::openapi::{
-    ChangeProblems, IfMatch, ModelProblems, NameParam, TarBytes, UploadProblems, VersionParams,
+    ChangeProblems, IfMatch, LabelProblems, ModelProblems, NameParam, TarBytes, UploadProblems, VersionParams,
 };
 use super::pool::Panicked;
 use super::problem::Problem;
@@ -12,7 +13,7 @@ use super::upload::upload;
 use crate::protocol::rest::{LabelJson, ModelInfo, ModelList, VersionInfo};
 use crate::repository::{Canary, Change, RepositoryError, VersionId};
 use axum::Json;
-use axum::extract::rejection::{JsonRejection, PathRejection};
+use axum::extract::rejection::PathRejection;
 use axum::extract::{FromRequestParts, Path, Request, State};
 use axum::http::StatusCode;
 use axum::http::header::{ETAG, IF_MATCH};
@@ -46,6 +47,8 @@ pub enum Label {
 pub struct Expected(Option<u64>);
 
 /// The models there are
+///
+/// With their versions, the highest first, and the one that requests get that name none.
 #[utoipa::path(
     get, path = "/v1/models", tag = "models", security(("key" = [])),
     responses((status = OK, description = "All models and their versions", body = ModelList), ModelProblems)
@@ -58,6 +61,8 @@ pub async fn list_models(State(app): State<App>) -> Json<ModelList> {
 }
 
 /// One model
+///
+/// Its versions, and what each of them serves as.
 #[utoipa::path(
     get, path = "/v1/models/{name}", tag = "models", security(("key" = [])),
     params(("name" = String, Path, description = "The model's name.")),
@@ -190,16 +195,18 @@ pub async fn set_default(State(app): State<App>, Path(name): Path<String>) -> Re
     put, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
     params(NameParam, ("label" = inline(Label), Path, description = "The label"), IfMatch),
     request_body(content = LabelJson),
-    responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)
+    responses((status = OK, description = "The model, and what serves now", body = ModelInfo), LabelProblems)
 )]
 pub async fn set_label(
     State(app): State<App>,
     path: Result<Path<LabelPath>, PathRejection>,
     Expected(epoch): Expected,
-    given: Result<Json<LabelJson>, JsonRejection>,
+    request: Request,
 ) -> Result<Response, Problem> {
     let LabelPath { name, label } = labeled(path)?;
-    let Json(LabelJson { version, share }) = given.map_err(|error| Problem::Query(error.body_text()))?;
+    let empty =
+        || BodyError::Malformed("send the label's version as JSON, such as {\"version\": 3}".to_owned());
+    let LabelJson { version, share } = read_json(&app, request).await?.ok_or_else(empty)?;
     let wanted = match (label, share) {
         (Label::Canary, Some(share)) => Change::Canary(Some(Canary { version, share })),
         (Label::Shadow, None) => Change::Shadow(Some(version)),
@@ -215,6 +222,8 @@ pub async fn set_label(
 }
 
 /// Takes a label away
+///
+/// The version stays where it is and can get a label again.
 #[utoipa::path(
     delete, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
     params(NameParam, ("label" = inline(Label), Path, description = "The label"), IfMatch),

@@ -48,7 +48,8 @@ impl RequestIds {
         Self { process: RandomState::new().hash_one(0) as u32, next: AtomicU64::new(1) }
     }
 
-    fn next(&self) -> Arc<str> {
+    /// The next one.
+    pub fn next(&self) -> Arc<str> {
         format!("{:08x}-{:06x}", self.process, self.next.fetch_add(1, Ordering::Relaxed)).into()
     }
 }

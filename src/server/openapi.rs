@@ -28,8 +28,11 @@ pub const AUTH_KINDS: [Kind; 4] = [Kind::Unauthorized, Kind::Forbidden, Kind::Fo
         description = "Tells a robot which room it is in: one frame in, the rooms with their \
             probabilities out. Every error is `application/problem+json`, under `/v2` an object with \
             an `error`; its text says what to do about it. An answer names its request in `request_id` and in `X-Request-Id`, which a \
-            caller may also send."
+            caller may also send.",
+        contact(name = "whoever runs this service"),
+        license(name = "Apache-2.0", identifier = "Apache-2.0")
     ),
+    servers((url = "/", description = "The service that this document comes from")),
     tags(
         (name = "recognize", description = "Frames to rooms"),
         (name = "dashboards", description = "Who streams, and what happens"),
@@ -109,6 +112,9 @@ pub struct TarBytes(Vec<u8>);
 /// What can go wrong when what serves is changed.
 pub struct ChangeProblems;
 
+/// What can go wrong when a label is set.
+pub struct LabelProblems;
+
 /// What can go wrong when a version is uploaded.
 pub struct UploadProblems;
 
@@ -120,6 +126,9 @@ pub struct RobotProblems;
 
 /// What can go wrong before a stream begins.
 pub struct StreamProblems;
+
+/// What can go wrong when life is asked for.
+pub struct LiveProblems;
 
 /// What can go wrong when readiness is asked for.
 pub struct ReadyProblems;
@@ -150,6 +159,15 @@ impl IntoResponses for ChangeProblems {
             Kind::NoRepository,
             Kind::Internal,
         ])
+    }
+}
+
+impl IntoResponses for LabelProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let read = [Kind::SlowBody, Kind::TooLarge, Kind::UnsupportedType, Kind::QueueFull];
+        let mut all = ChangeProblems::responses();
+        all.extend(responses(ErrorForm::Problem, read));
+        all
     }
 }
 
@@ -196,9 +214,15 @@ impl IntoResponses for StreamProblems {
     }
 }
 
+impl IntoResponses for LiveProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        responses(ErrorForm::Problem, [Kind::BadRequest])
+    }
+}
+
 impl IntoResponses for ReadyProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses(ErrorForm::Problem, [Kind::Draining, Kind::NoModel])
+        responses(ErrorForm::Problem, [Kind::BadRequest, Kind::Draining, Kind::NoModel])
     }
 }
 
@@ -215,6 +239,9 @@ pub fn frame_kinds() -> impl Iterator<Item = Kind> {
             kind,
             Kind::NotFound
                 | Kind::MethodNotAllowed
+                | Kind::NotHttp
+                | Kind::PathTooLong
+                | Kind::HeadTooLong
                 | Kind::NoWebSocket
                 | Kind::Conflict
                 | Kind::StaleEpoch

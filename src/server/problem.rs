@@ -63,7 +63,10 @@ pub enum Problem {
     #[error("{0}")]
     Query(String),
     /// No WebSocket was asked for.
-    #[error("open a WebSocket with the subprotocol roomsight.v1 here: {0}")]
+    #[error(
+        "open a WebSocket with the subprotocol roomsight.v1 here, and let a proxy on the way pass the headers \
+         Upgrade and Connection: {0}"
+    )]
     NoWebSocket(String),
     /// What serves is not changed.
     #[error(transparent)]
@@ -74,6 +77,9 @@ pub enum Problem {
     /// Nobody of this name streams.
     #[error("no robot {0:?} streams; GET /v1/robots lists those that do")]
     NoRobot(String),
+    /// What came is no HTTP.
+    #[error("{}", K::NotHttp.advice())]
+    NotHttp,
     /// There is nothing of this name.
     #[error("{}", K::NotFound.advice())]
     NotFound,
@@ -90,6 +96,8 @@ pub enum Problem {
 pub enum Kind {
     /// Malformed query, path or body.
     BadRequest,
+    /// Bytes that are no request.
+    NotHttp,
     /// No key, or one that nobody has.
     Unauthorized,
     /// A key of the wrong role.
@@ -116,6 +124,8 @@ pub enum Kind {
     StaleEpoch,
     /// Too many bytes, pixels or frames.
     TooLarge,
+    /// A path that is too long.
+    PathTooLong,
     /// A type of body that is not read here.
     UnsupportedType,
     /// Bytes that are no image.
@@ -126,6 +136,8 @@ pub enum Kind {
     NoWebSocket,
     /// No slot is free.
     QueueFull,
+    /// Headers that are too long.
+    HeadTooLong,
     /// A defect of ours.
     Internal,
     /// The service stops.
@@ -140,8 +152,9 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds, by status.
-    pub const ALL: [Self; 24] = [
+    pub const ALL: [Self; 27] = [
         K::BadRequest,
+        K::NotHttp,
         K::Unauthorized,
         K::Forbidden,
         K::ForeignSite,
@@ -155,11 +168,13 @@ impl Kind {
         K::Conflict,
         K::StaleEpoch,
         K::TooLarge,
+        K::PathTooLong,
         K::UnsupportedType,
         K::NotAnImage,
         K::NotAModel,
         K::NoWebSocket,
         K::QueueFull,
+        K::HeadTooLong,
         K::Internal,
         K::Draining,
         K::NoModel,
@@ -170,7 +185,7 @@ impl Kind {
     /// The status code.
     pub fn status(self) -> StatusCode {
         match self {
-            K::BadRequest => StatusCode::BAD_REQUEST,
+            K::BadRequest | K::NotHttp => StatusCode::BAD_REQUEST,
             K::Unauthorized => StatusCode::UNAUTHORIZED,
             K::Forbidden | K::ForeignSite | K::UnknownHost | K::RobotOfAnother => StatusCode::FORBIDDEN,
             K::NotFound | K::NoSuchModel => StatusCode::NOT_FOUND,
@@ -179,10 +194,12 @@ impl Kind {
             K::NotReady | K::Conflict => StatusCode::CONFLICT,
             K::StaleEpoch => StatusCode::PRECONDITION_FAILED,
             K::TooLarge => StatusCode::PAYLOAD_TOO_LARGE,
+            K::PathTooLong => StatusCode::URI_TOO_LONG,
             K::UnsupportedType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
             K::NotAnImage | K::NotAModel => StatusCode::UNPROCESSABLE_ENTITY,
             K::NoWebSocket => StatusCode::UPGRADE_REQUIRED,
             K::QueueFull => StatusCode::TOO_MANY_REQUESTS,
+            K::HeadTooLong => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
             K::Internal => StatusCode::INTERNAL_SERVER_ERROR,
             K::Draining | K::NoModel | K::NoRepository => StatusCode::SERVICE_UNAVAILABLE,
             K::DeadlinePassed => StatusCode::GATEWAY_TIMEOUT,
@@ -193,6 +210,7 @@ impl Kind {
     pub fn name(self) -> &'static str {
         match self {
             K::BadRequest => "bad-request",
+            K::NotHttp => "not-http",
             K::Unauthorized => "unauthorized",
             K::Forbidden => "forbidden",
             K::ForeignSite => "foreign-site",
@@ -206,11 +224,13 @@ impl Kind {
             K::Conflict => "conflict",
             K::StaleEpoch => "stale-epoch",
             K::TooLarge => "too-large",
+            K::PathTooLong => "path-too-long",
             K::UnsupportedType => "unsupported-type",
             K::NotAnImage => "not-an-image",
             K::NotAModel => "not-a-model",
             K::NoWebSocket => "no-websocket",
             K::QueueFull => "queue-full",
+            K::HeadTooLong => "head-too-long",
             K::Internal => "internal",
             K::Draining => "draining",
             K::NoModel => "no-model",
@@ -223,6 +243,7 @@ impl Kind {
     pub fn title(self) -> &'static str {
         match self {
             K::BadRequest => "The request is malformed",
+            K::NotHttp => "What came is no HTTP request",
             K::Unauthorized => "A valid key is missing",
             K::Forbidden => "The key's role may not do this",
             K::ForeignSite => "A page of another site may not do this",
@@ -236,11 +257,13 @@ impl Kind {
             K::Conflict => "The version cannot be changed so",
             K::StaleEpoch => "What serves was changed in the meantime",
             K::TooLarge => "Too many bytes, pixels or frames",
+            K::PathTooLong => "The path is too long",
             K::UnsupportedType => "A body of this type is not read here",
             K::NotAnImage => "The body is not an image that can be read",
             K::NotAModel => "The body is not a model that works",
             K::NoWebSocket => "The path takes a WebSocket",
             K::QueueFull => "The queue is full",
+            K::HeadTooLong => "The headers are too long",
             K::Internal => "The service failed",
             K::Draining => "The service is stopping",
             K::NoModel => "No model serves",
@@ -253,6 +276,10 @@ impl Kind {
     pub fn advice(self) -> &'static str {
         match self {
             K::BadRequest => "correct the request as the detail says; /docs describes all of them",
+            K::NotHttp => {
+                "send a request of HTTP/1.1 that is well formed; see that the address begins with http:// or \
+                 https:// as the service is set up"
+            }
             K::Unauthorized => "send a key in the header `Authorization: Bearer KEY`",
             K::Forbidden => "use a key whose role allows this, or one of an admin",
             K::ForeignSite => "let the operator add the page's origin to the setting `origins`",
@@ -266,11 +293,13 @@ impl Kind {
             K::Conflict => "see GET /v1/models for what there is, and choose another version or number",
             K::StaleEpoch => "look again at what serves, and send its epoch in If-Match",
             K::TooLarge => "send fewer bytes, fewer pixels or fewer frames",
+            K::PathTooLong => "send a shorter path and query; frames belong into the body",
             K::UnsupportedType => "send the image itself as image/jpeg, or multipart/form-data, or JSON",
             K::NoWebSocket => "open a WebSocket with the subprotocol roomsight.v1, for example with websocat",
             K::NotAModel => "send the folder of a version as a tar, or its model.safetensors",
             K::NotAnImage => "send a whole JPEG, PNG, WebP, BMP or PGM image",
             K::QueueFull => "try again after the time in Retry-After, or send fewer frames",
+            K::HeadTooLong => "send fewer or shorter headers, at most 100 and 64 KiB in all",
             K::Internal => "try again; if it stays, give the operator the request id",
             K::NoModel => "upload or activate a version, or wait until somebody has",
             K::NoRepository => "see that the folder or the bucket of models can be reached and written",
@@ -320,7 +349,9 @@ impl Problem {
             Self::Body(BodyError::TooLarge { .. } | BodyError::TooManyFrames(_)) => K::TooLarge,
             Self::Body(BodyError::Slow(_)) => K::SlowBody,
             Self::Body(BodyError::UnsupportedType(..) | BodyError::Encoded(_)) => K::UnsupportedType,
-            Self::Body(BodyError::Empty | BodyError::Malformed(_) | BodyError::Broken(_)) => K::BadRequest,
+            Self::Body(
+                BodyError::Empty | BodyError::Stripped | BodyError::Malformed(_) | BodyError::Broken(_),
+            ) => K::BadRequest,
             Self::Body(BodyError::NoMemory(_)) => K::QueueFull,
             Self::Lookup(error) => lookup_kind(error),
             Self::Change(error) => change_kind(error),
@@ -333,6 +364,7 @@ impl Problem {
             Self::Oip(RequestError::TooManyFrames(_)) => K::TooLarge,
             Self::Oip(_) | Self::Query(_) => K::BadRequest,
             Self::NoWebSocket(_) => K::NoWebSocket,
+            Self::NotHttp => K::NotHttp,
             Self::NotFound | Self::NoRobot(_) => K::NotFound,
             Self::Draining => K::Draining,
             Self::Framework(status) => Kind::from_status(*status),
@@ -377,6 +409,15 @@ impl Problem {
         parts.headers.insert(header::CONTENT_TYPE, HeaderValue::from_static(form.media_type()));
         if kind == K::Unauthorized {
             parts.headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
+        }
+        if kind == K::NoWebSocket {
+            for (name, value) in [
+                (header::CONNECTION, "Upgrade"),
+                (header::UPGRADE, "websocket"),
+                (header::SEC_WEBSOCKET_VERSION, "13"),
+            ] {
+                parts.headers.insert(name, HeaderValue::from_static(value));
+            }
         }
         if let Some(wait) = self.retry_after() {
             parts

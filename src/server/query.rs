@@ -12,6 +12,7 @@ use crate::protocol::rest::RecognizeQuery;
 use axum::extract::{FromRequestParts, Query};
 use axum::http::request::Parts;
 use axum::http::{Extensions, StatusCode};
+use chrono::{DateTime, NaiveDateTime};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -70,6 +71,13 @@ impl Asked {
     pub fn new(app: &App, query: RecognizeQuery, caller: Caller) -> Result<Self, Problem> {
         check("robot", query.robot.as_deref())?;
         check("captured_at", query.captured_at.as_deref())?;
+        if query.captured_at.as_deref().is_some_and(|text| !is_moment(text)) {
+            return Err(Problem::Query(
+                "`captured_at` must be a date and a time such as 2030-01-31T12:00:00.250Z, or a number since 1970; \
+                 in a query `+` is written %2B"
+                    .to_owned(),
+            ));
+        }
         if query.top == Some(0) {
             return Err(Problem::Query("`top` must be at least 1; leave it out for all rooms".into()));
         }
@@ -123,9 +131,52 @@ fn is_visible(text: &str) -> bool {
     text.escape_debug().eq(text.chars())
 }
 
+/// Whether a text tells when a frame was taken.
+fn is_moment(text: &str) -> bool {
+    let is_number = text.bytes().all(|byte| byte.is_ascii_digit() || byte == b'.')
+        && text.bytes().filter(|&byte| byte == b'.').count() <= 1
+        && text != ".";
+    is_number
+        || DateTime::parse_from_rfc3339(text).is_ok()
+        || text.replacen(' ', "T", 1).parse::<NaiveDateTime>().is_ok()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_moment_is_a_date_and_a_time_or_a_number() {
+        for text in [
+            "2030-01-31T12:00:00.250Z",
+            "2030-01-31T12:00:00+01:00",
+            "2030-01-31t12:00:00z",
+            "2030-01-31 12:00:00.250000",
+            "2030-01-31T12:00:00",
+            "0",
+            "1700000000",
+            "1700000000.25",
+            "1700000000250000000",
+        ] {
+            assert!(is_moment(text), "{text}");
+        }
+        for text in [
+            "garbage",
+            "now",
+            ".",
+            "1.2.3",
+            "-5",
+            "1e9",
+            "inf",
+            "2030-01-31",
+            "12:00:00",
+            "2030-02-30T12:00:00Z",
+            "2030-01-31T25:00:00Z",
+            "2030-01-31T12:00:00 01:00",
+        ] {
+            assert!(!is_moment(text), "{text}");
+        }
+    }
 
     #[test]
     fn names_are_what_they_look_like() {

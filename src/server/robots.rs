@@ -155,6 +155,8 @@ impl Record {
 }
 
 /// Who streams
+///
+/// All streams, those included that broke off and can still be resumed.
 #[utoipa::path(
     get, path = "/v1/robots", tag = "dashboards", security(("key" = [])),
     responses((status = OK, description = "All streams", body = RobotList), ViewerProblems)

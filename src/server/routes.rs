@@ -6,7 +6,7 @@ use super::auth::session;
 use super::body::{Frames, OneFrame};
 use super::metrics;
 use super::openapi::{
-    BatchForm, Description, FrameForm, FrameProblems, ImageBytes, PathProblems, ReadyProblems,
+    BatchForm, Description, FrameForm, FrameProblems, ImageBytes, LiveProblems, PathProblems, ReadyProblems,
     accept_sessions,
 };
 use super::problem::{Kind, Problem};
@@ -20,11 +20,12 @@ use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Redirect};
 use axum::routing::get;
 use axum::{Json, Router};
+use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
-use utoipa_swagger_ui::SwaggerUi;
+use utoipa_swagger_ui::{self as swagger_ui, SwaggerUi};
 
 const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
@@ -38,10 +39,14 @@ pub fn router(app: App) -> Router {
         .merge(anyone())
         .split_for_parts();
     accept_sessions(&mut document);
+    // Addresses are relative, so that all of it works under a prefix that a proxy takes away.
+    let documentation = SwaggerUi::new("/docs").config(swagger_ui::Config::from("../openapi.json"));
+    let document = Arc::new(document);
     let api = api
-        .merge(SwaggerUi::new("/docs").url("/openapi.json", document))
+        .merge(documentation)
+        .route("/openapi.json", get(async move || Json(document)))
         .route("/asyncapi.json", get(|| async { Json(stream_document()) }))
-        .route("/", get(|| async { Redirect::temporary("/docs/") }))
+        .route("/", get(|| async { Redirect::temporary("docs/") }))
         // Forms have limits of our own, see `body`.
         .layer(DefaultBodyLimit::disable())
         .layer(CatchPanicLayer::custom(observe::panicked));
@@ -109,7 +114,8 @@ fn anyone() -> OpenApiRouter<App> {
 
 /// Tells which room a frame shows
 ///
-/// The frame is JPEG, PNG, WebP, BMP or PGM: as the body itself, in a form, or in JSON.
+/// The frame is JPEG, PNG, WebP, BMP or PGM: as the body itself, in a form, or in JSON. What the body is its bytes
+/// tell: any type of image is taken, and those that clients send when nobody named one.
 #[utoipa::path(
     post, path = "/v1/recognize", tag = "recognize", security(("key" = [])), params(RecognizeQuery),
     request_body(content(
@@ -153,8 +159,11 @@ async fn recognize_batch(
 }
 
 /// Whether the process lives
+///
+/// It does where it answers.
 #[utoipa::path(
-    get, path = "/livez", tag = "health", responses((status = OK, description = "It lives", body = Health))
+    get, path = "/livez", tag = "health", security(),
+    responses((status = OK, description = "It lives", body = Health), LiveProblems)
 )]
 async fn live() -> Json<Health> {
     Json(Health { status: "live".to_owned() })
@@ -164,7 +173,7 @@ async fn live() -> Json<Health> {
 ///
 /// A model serves, a frame went through it, and the service is not stopping.
 #[utoipa::path(
-    get, path = "/readyz", tag = "health",
+    get, path = "/readyz", tag = "health", security(),
     responses((status = OK, description = "Frames are answered", body = Health), ReadyProblems)
 )]
 async fn ready(State(app): State<App>) -> Result<Json<Health>, Problem> {
@@ -179,7 +188,7 @@ async fn ready(State(app): State<App>) -> Result<Json<Health>, Problem> {
 ///
 /// The `type` of a problem leads here.
 #[utoipa::path(
-    get, path = "/problems/{name}", tag = "health",
+    get, path = "/problems/{name}", tag = "health", security(),
     params(("name" = String, Path, description = "The last part of a problem's `type`", example = "queue-full")),
     responses((status = OK, description = "The kind", body = KindInfo), PathProblems)
 )]

@@ -55,6 +55,39 @@ async fn a_frame_gets_the_same_answer_as_itself_in_a_form_and_in_json() {
 }
 
 #[tokio::test]
+async fn a_frame_is_read_whatever_its_sender_calls_it() {
+    let server = Server::start(Settings::default()).await;
+    let answer = success(server.post("/v1/recognize", jpeg()).send().await.unwrap()).await;
+    let base64 = BASE64_STANDARD.encode(jpeg());
+    let in_lines: Vec<&str> =
+        base64.as_bytes().chunks(76).map(|line| std::str::from_utf8(line).unwrap()).collect();
+    let json = |text: &str| json!({"frame": text}).to_string().into_bytes();
+    let types = [
+        "image/jpg",
+        "image/pjpeg",
+        "image/x-ms-bmp",
+        "image/*",
+        "binary/octet-stream",
+        "application/x-www-form-urlencoded",
+        "application/json",
+    ];
+    let mut bodies: Vec<(&str, Vec<u8>)> = types.into_iter().map(|name| (name, jpeg())).collect();
+    for text in [
+        in_lines.join("\r\n"),
+        base64.trim_end_matches('=').replace('+', "-").replace('/', "_"),
+        format!("data:image/jpeg;base64,{base64}"),
+    ] {
+        bodies.push(("application/json", json(&text)));
+    }
+    bodies.push(("application/x-www-form-urlencoded", json(&base64)));
+    for (media_type, body) in bodies {
+        println!("{media_type}, {} bytes", body.len());
+        let other = success(server.post_as("/v1/recognize", media_type, body).send().await.unwrap()).await;
+        assert_eq!(other["probabilities"], answer["probabilities"]);
+    }
+}
+
+#[tokio::test]
 async fn an_answer_carries_all_that_is_promised() {
     let server = Server::start(Settings::default()).await;
     let path = "/v1/recognize?robot=wall-e&captured_at=1700000000.25&explain=true&model=lab&version=1";
@@ -129,7 +162,8 @@ async fn a_frame_that_lacks_rows_is_answered_and_told() {
 async fn a_format_that_is_not_read_is_named() {
     let server = Server::start(Settings::default()).await;
     let photo = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic".to_vec();
-    let refusal = problem(server.post("/v1/recognize", photo).send().await.unwrap(), 422, "not-an-image").await;
+    let refusal =
+        problem(server.post("/v1/recognize", photo).send().await.unwrap(), 422, "not-an-image").await;
     assert!(refusal["detail"].as_str().unwrap().contains("HEIC"), "{refusal}");
 }
 
@@ -137,15 +171,17 @@ async fn a_format_that_is_not_read_is_named() {
 async fn bad_bodies_get_an_error_that_says_why() {
     let server = Server::start(Settings::default()).await;
     let truncated = jpeg()[..jpeg().len() / 3].to_vec();
-    let cases: [(&str, Vec<u8>, u16, &str); 14] = [
+    let cases: [(&str, Vec<u8>, u16, &str); 16] = [
         ("image/jpeg", vec![], 400, "bad-request"),
         ("image/jpeg", b"I am text".to_vec(), 422, "not-an-image"),
         ("image/jpeg", truncated, 422, "not-an-image"),
         ("image/png", png_claiming(60_000, 60_000), 413, "too-large"),
         ("image/jpeg", vec![0xFF; 50 << 20], 413, "too-large"),
         ("text/plain", frame(), 415, "unsupported-type"),
-        ("image/gif", frame(), 415, "unsupported-type"),
-        ("application/x-www-form-urlencoded", frame(), 415, "unsupported-type"),
+        ("video/mp4", frame(), 415, "unsupported-type"),
+        ("application/x-www-form-urlencoded", vec![b'x'; 2000], 400, "bad-request"),
+        ("application/json", br#"["AAAA"]"#.to_vec(), 400, "bad-request"),
+        ("application/json", b"null".to_vec(), 400, "bad-request"),
         ("application/json", b"{".to_vec(), 400, "bad-request"),
         ("application/json", br#"{"frame":"***"}"#.to_vec(), 400, "bad-request"),
         ("application/json", br#"{"frame":"","top":3}"#.to_vec(), 400, "bad-request"),
@@ -193,6 +229,11 @@ async fn wrong_paths_methods_and_queries_are_problems_too() {
     let response = server.get("/v1/recognize").send().await.unwrap();
     assert_eq!(response.headers()["allow"], "POST");
     problem(response, 405, "method-not-allowed").await;
+    let response = server.get("/v1/stream").send().await.unwrap();
+    assert_eq!(response.headers()["upgrade"], "websocket");
+    assert_eq!(response.headers()["connection"], "Upgrade");
+    assert_eq!(response.headers()["sec-websocket-version"], "13");
+    problem(response, 426, "no-websocket").await;
     problem(server.get("/v1/models/none").send().await.unwrap(), 404, "no-such-model").await;
     problem(server.get("/v1/models/lab/versions/9").send().await.unwrap(), 404, "no-such-model").await;
     problem(server.get("/v1/models/lab/versions/x").send().await.unwrap(), 400, "bad-request").await;
@@ -205,6 +246,10 @@ async fn wrong_paths_methods_and_queries_are_problems_too() {
         ("modle=lab", 400, "bad-request"),
         ("top=many", 400, "bad-request"),
         ("robot=a%0Ab", 400, "bad-request"),
+        ("robot=", 400, "bad-request"),
+        ("robot=a%E2%80%AEb", 400, "bad-request"),
+        ("captured_at=garbage", 400, "bad-request"),
+        ("captured_at=2030-01-31T12:00:00+01:00", 400, "bad-request"),
         (&long, 400, "bad-request"),
         ("deadline_ms=0", 504, "deadline-passed"),
     ] {

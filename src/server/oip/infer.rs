@@ -50,6 +50,8 @@ pub async fn infer(State(app): State<App>, path: ModelPath, request: Request) ->
 }
 
 /// Tells which rooms frames show, by one version of a model
+///
+/// As without a version; a canary takes no share of these frames.
 #[utoipa::path(
     post, path = "/v2/models/{name}/versions/{version}/infer", tag = "inference", security(("key" = [])),
     params(VersionParams),

@@ -71,13 +71,13 @@ impl IntoResponses for ServerProblems {
 
 impl IntoResponses for DrainProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses(ErrorForm::Oip, [Kind::Draining, Kind::NoModel])
+        responses(ErrorForm::Oip, [Kind::BadRequest, Kind::Draining, Kind::NoModel])
     }
 }
 
 impl IntoResponses for AnyoneProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses(ErrorForm::Oip, [])
+        responses(ErrorForm::Oip, [Kind::BadRequest])
     }
 }
 

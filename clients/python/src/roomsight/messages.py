@@ -20,7 +20,10 @@ _DATED = 1
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """How much one frame counts in the filter, above 0 to 1: lower is steadier and later."""
+    """How much one frame counts in the filter, above 0 to 10: lower is steadier and later.
+
+    A stream that says nothing of it has 2.0.
+    """
 
     trust: float
 
