@@ -230,6 +230,7 @@ fn message(kind: u8, payload: &[u8]) -> Vec<u8> {
 
 #[test]
 fn seeds_of_the_service_are_answered() {
+    targets::start_service();
     for seed in service() {
         let answer = String::from_utf8_lossy(&targets::exchange(&seed).unwrap()).into_owned();
         let is_taken =

@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| roomsight_fuzz::service(bytes));
+libfuzzer_sys::fuzz_target!(init: roomsight_fuzz::start_service(), |bytes: &[u8]| roomsight_fuzz::service(bytes));

@@ -6,7 +6,7 @@
 
 mod service;
 
-pub use service::{exchange, robots_key, service};
+pub use service::{exchange, robots_key, service, start_service};
 
 use roomsight::camera::{Camera, Projection};
 use roomsight::dataset;

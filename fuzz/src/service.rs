@@ -19,6 +19,11 @@ fn key() -> (String, Key) {
     Key::new(Role::Robot, "wall-e", &[7; 32]).expect("a name of letters")
 }
 
+/// Starts the service, which takes long where all processors are busy: models load when nothing else is to do.
+pub fn start_service() {
+    address();
+}
+
 /// One connection, which sends these bytes: requests, or a handshake and the messages of a stream. It is never
 /// answered with an internal error, and comes to an end.
 pub fn service(bytes: &[u8]) {
