@@ -78,7 +78,8 @@ pub enum ClientError {
     /// The stream was closed by the service.
     #[error("the stream was closed with {code} {reason}")]
     Closed {
-        /// Why: 1001 it stops, 1008 the key's rights, 1009 a message too long, 1013 try again later.
+        /// Why: 1001 it stops, 1008 silence or a message that took too long, 1009 a message too long, 1013 try
+        /// again later. The AsyncAPI document lists all.
         code: u16,
         /// Why, in words.
         reason: String,

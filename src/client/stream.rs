@@ -44,7 +44,7 @@ pub struct StreamReceiver {
 /// Where a stream can go on after its connection broke.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResumePoint {
-    /// The stream.
+    /// The stream's session, a secret: who has it can go on with the stream.
     pub session: String,
     /// The last frame whose answer arrived.
     pub last_seq: Option<u64>,

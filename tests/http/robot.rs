@@ -115,6 +115,17 @@ async fn heard(socket: &mut WebSocketStream<TcpStream>) -> Heard {
     }
 }
 
+/// A frame of a WebSocket as bytes, masked with zeros.
+pub fn raw(first: u8, n_bytes: usize, payload: &[u8]) -> Vec<u8> {
+    [&[first, 0xff][..], &(n_bytes as u64).to_be_bytes(), &[0; 4], payload].concat()
+}
+
+/// A message in two frames, so that nobody knows how long it will be.
+pub fn in_parts(message: &[u8]) -> Vec<u8> {
+    let (begin, end) = message.split_at(message.len() / 3);
+    [raw(0x02, begin.len(), begin), raw(0x80, end.len(), end)].concat()
+}
+
 /// The code with which a stream is closed before it begins.
 pub async fn closed_at_the_door(server: &Server, query: &str) -> u16 {
     let request = format!("ws://{}/v1/stream{query}", server.address);

@@ -1,6 +1,6 @@
 //! Streams where memory is short: unfinished messages, and more frames than the service may hold.
 
-use crate::robot::{Heard, Robot};
+use crate::robot::{Heard, Robot, in_parts, raw};
 use crate::service::{SOON, Server, frame, pgm, success};
 use roomsight::protocol::stream::{DropReason, ServerMessage};
 use roomsight::server::Settings;
@@ -18,11 +18,6 @@ async fn holding(n_frames: usize) -> Server {
         ..Settings::default()
     })
     .await
-}
-
-/// A frame of a WebSocket, masked with zeros.
-fn raw(first: u8, n_bytes: usize, payload: &[u8]) -> Vec<u8> {
-    [&[first, 0xff][..], &(n_bytes as u64).to_be_bytes(), &[0; 4], payload].concat()
 }
 
 /// How many bytes the service says that it holds.
@@ -87,11 +82,7 @@ async fn lossless_streams_drop_nothing_where_more_comes_than_can_be_held() {
                 if robot_idx % 2 == 0 {
                     robot.send(frame).await;
                 } else {
-                    // In two parts, so that nobody knows how long it will be.
-                    let (begin, end) = frame.split_at(10_000);
-                    robot
-                        .send_raw(&[raw(0x02, begin.len(), begin), raw(0x80, end.len(), end)].concat())
-                        .await;
+                    robot.send_raw(&in_parts(&frame)).await;
                 }
             }
             for seq in 0..N_FRAMES {

@@ -119,8 +119,10 @@ impl Inbox {
     /// the future is dropped.
     pub async fn receive(&mut self, io: &mut (impl AsyncRead + Unpin), lossless: bool) -> Incoming {
         loop {
-            if let Some(message) = &mut self.message {
-                message.let_in().await;
+            if let Some(message) = &mut self.message
+                && message.let_in().await
+            {
+                self.heard = Instant::now();
             }
             match self.decoder.next() {
                 Ok(Some(piece)) => {
@@ -163,10 +165,10 @@ impl Inbox {
         let Some(message) = &self.message else {
             return heard(io.read_buf(arrived).await, &mut self.heard);
         };
-        let mut asked_again = Instant::now();
+        let mut listened_since = self.heard;
         loop {
-            let stalls_at = message.is_lossless().then(|| self.heard.max(asked_again) + self.standstill);
-            let until = stalls_at.map_or(message.due, |at| at.min(message.due));
+            let stalls_at = listened_since + self.standstill;
+            let until = if message.is_lossless() { message.due.min(stalls_at) } else { message.due };
             if let Ok(read) = timeout_at(until.into(), io.read_buf(arrived)).await {
                 return heard(read, &mut self.heard);
             }
@@ -176,7 +178,7 @@ impl Inbox {
             if self.intake.is_awaited() {
                 return Err(Incoming::Stalled);
             }
-            asked_again = Instant::now();
+            listened_since = Instant::now();
         }
     }
 
@@ -223,14 +225,17 @@ fn heard(read: io::Result<usize>, heard: &mut Instant) -> Result<(), Incoming> {
 }
 
 impl Underway {
-    /// Waits until there is memory for what arrived. That is not the robot's time.
-    async fn let_in(&mut self) {
-        let Content::Frame { hold: Hold::Lossless(frame), .. } = &mut self.content else { return };
-        if frame.is_waiting() {
-            let since = *self.waits_since.get_or_insert_with(Instant::now);
-            frame.let_in().await;
-            self.due += since.elapsed();
-            self.waits_since = None;
+    /// Waits until there is memory for what arrived, if need be: then true. That is not the robot's time.
+    async fn let_in(&mut self) -> bool {
+        match &mut self.content {
+            Content::Frame { hold: Hold::Lossless(frame), .. } if frame.is_waiting() => {
+                let since = *self.waits_since.get_or_insert_with(Instant::now);
+                frame.let_in().await;
+                self.due += since.elapsed();
+                self.waits_since = None;
+                true
+            }
+            _ => false,
         }
     }
 

@@ -81,8 +81,8 @@ impl Lane {
         state.has_place = false;
         let is_late = |frame: &Waiting| frame.deadline.is_some_and(|deadline| deadline <= now);
         let mut expired = Vec::new();
-        while let Some(late) = state.waiting.pop_front_if(|frame| is_late(frame)) {
-            expired.push(late.seq);
+        while state.waiting.front().is_some_and(is_late) {
+            expired.extend(state.waiting.pop_front().map(|frame| frame.seq));
         }
         Taken { expired, frame: state.waiting.pop_front().map(|frame| (frame, choose())) }
     }
