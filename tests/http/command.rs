@@ -188,11 +188,7 @@ fn a_file_that_may_not_grow_ends_nothing() {
     let args = ["--models", models.path().to_str().unwrap()];
     let mut running = Running::start_as(limited("ulimit -f 0"), &args);
     let address = running.url.strip_prefix("http://").unwrap().to_owned();
-    assert_eq!(
-        status(&address, "POST /v1/models/lab/versions/1/activate"),
-        "503",
-        "no record can be written"
-    );
+    assert_eq!(status(&address, "POST /v2/repository/models/lab/unload"), "503", "no record can be written");
     assert_eq!(status(&address, "GET /livez"), "200");
     running.stop();
 }
