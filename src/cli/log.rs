@@ -45,7 +45,7 @@ pub(super) fn start(settings: &Settings) -> anyhow::Result<Log> {
 /// Lines that a thread writes to standard error.
 fn lines() -> anyhow::Result<Lines> {
     let tell_lost = |n_lost: u64| {
-        tracing::warn!(lines = n_lost, "lines of the log were lost: they were not read in time")
+        tracing::warn!(lines = n_lost, "lines of the log were lost: they were not read in time");
     };
     Ok(Lines::start(unlocked_stderr()?, tell_lost)?)
 }

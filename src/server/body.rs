@@ -32,8 +32,8 @@ use tokio::time::timeout;
 const ENVELOPE_BYTES: usize = 16 << 10;
 /// The most that is allocated because a caller said how long a body will be.
 const MAX_TRUSTED_BYTES: usize = 256 << 10;
-/// The longest body that is taken apart on the thread that received it, which takes well below a millisecond.
-const MAX_BYTES_AT_ONCE: usize = 256 << 10;
+/// The longest body that is taken apart on the thread that received it, which takes a millisecond or two.
+const MAX_BYTES_AT_ONCE: usize = 1 << 20;
 /// The field of a form that holds a frame.
 const FIELD: &str = "frame";
 

@@ -154,14 +154,21 @@ fn a_log_that_nobody_reads_stops_nothing() {
     let address = running.url.strip_prefix("http://").unwrap().to_owned();
     // More lines than a pipe takes.
     for _ in 0..1500 {
-        let mut stream = TcpStream::connect(&address).unwrap();
-        stream.set_read_timeout(Some(PATIENCE)).unwrap();
-        stream.write_all(b"GET /livez HTTP/1.1\r\nhost: x\r\nconnection: close\r\n\r\n").unwrap();
-        let mut answer = String::new();
-        stream.read_to_string(&mut answer).unwrap();
-        assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
+        assert_eq!(status(&address, "GET /livez"), "200");
     }
     running.stop();
+}
+
+/// The status of the answer to a request without a body.
+fn status(address: &str, request: &str) -> String {
+    let mut stream = TcpStream::connect(address).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let head =
+        format!("{request} HTTP/1.1\r\nhost: {address}\r\nconnection: close\r\ncontent-length: 0\r\n\r\n");
+    stream.write_all(head.as_bytes()).unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    answer.split(' ').nth(1).unwrap_or_default().to_owned()
 }
 
 /// `serve` where a shell has set limits before.
@@ -193,4 +200,16 @@ fn as_many_files_may_be_open_as_the_settings_need_or_it_is_told() {
     let mut told = Running::start_as(limited("ulimit -n 100"), &args);
     let log = told.stop();
     assert!(log.contains("`max_connections`") && log.contains("596"), "{log}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_that_may_not_grow_ends_nothing() {
+    let models = models();
+    let args = ["--models", models.path().to_str().unwrap()];
+    let mut running = Running::start_as(limited("ulimit -f 0"), &args);
+    let address = running.url.strip_prefix("http://").unwrap().to_owned();
+    assert_eq!(status(&address, "POST /v2/repository/models/lab/unload"), "503", "no record can be written");
+    assert_eq!(status(&address, "GET /livez"), "200");
+    running.stop();
 }

@@ -186,11 +186,11 @@ async fn connections_that_rest_give_way_where_places_are_short() {
 async fn long_bodies_are_taken_apart_as_their_callers_work() {
     let server = one_thread(Settings { queue: 8, max_batch_frames: 4, ..Settings::default() }).await;
     // Longer than what is taken apart at once.
-    let padded = [frame(), vec![0; 300 << 10]].concat();
+    let padded = [frame(), vec![0; 1200 << 10]].concat();
     let batch = form(&[padded.as_slice(), frame().as_slice()]);
     let answer = success(server.post_as("/v1/recognize/batch", FORM, batch).send().await.unwrap()).await;
     assert_eq!(answer["results"].as_array().unwrap().len(), 2);
-    let base64 = "A".repeat(400 << 10);
+    let base64 = "A".repeat(1200 << 10);
     let json = format!(r#"{{"frame": "{base64}"}}"#).into_bytes();
     problem(
         server.post_as("/v1/recognize", "application/json", json).send().await.unwrap(),
