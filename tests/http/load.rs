@@ -1,6 +1,6 @@
 //! The service under pressure: full queues, slow and absent callers, and a stop in the middle.
 
-use crate::service::{SOON, Server, frame, problem, read_exactly, read_raw, success};
+use crate::service::{CONTINUE, SOON, Server, frame, problem, read_exactly, read_raw, success};
 use image::{GrayImage, ImageFormat};
 use roomsight::server::Settings;
 use std::io::Cursor;
