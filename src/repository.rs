@@ -50,7 +50,7 @@ pub enum Repository {
     /// A folder of many.
     Folder(Folder),
     /// A bucket, or a part of it.
-    Bucket(Bucket),
+    Bucket(Box<Bucket>),
 }
 
 /// What there is in a repository at one time.
@@ -184,7 +184,7 @@ impl Repository {
     /// a folder is removed.
     pub fn open(location: &str, cache: &Path) -> Result<Self, RepositoryError> {
         if location.starts_with(bucket::SCHEME) {
-            return Ok(Self::Bucket(Bucket::open(location, cache)?));
+            return Ok(Self::Bucket(Box::new(Bucket::open(location, cache)?)));
         }
         let unreadable = |source| RepositoryError::Unreadable { location: location.into(), source };
         // Links in it are followed anew each time: they may lead elsewhere then.

@@ -1,6 +1,7 @@
 //! How models and versions are called.
 
 use super::RepositoryError;
+use super::default::DEFAULT_FILE;
 use std::fmt;
 use std::str::FromStr;
 
@@ -51,10 +52,11 @@ impl FromStr for VersionId {
     }
 }
 
-/// Whether a name can stand in a path, a query and a log as it is.
+/// Whether a name can stand in a path, a query and a log as it is. The one file beside the models is no model.
 pub fn is_name(name: &str) -> bool {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-    !name.is_empty() && name.len() <= MAX_NAME_BYTES && !name.starts_with('.') && name.chars().all(is_plain)
+    let fits = !name.is_empty() && name.len() <= MAX_NAME_BYTES && name != DEFAULT_FILE;
+    fits && !name.starts_with('.') && name.chars().all(is_plain)
 }
 
 /// The number of a version, from 0 to [`MAX_VERSION`], in its one notation: `007` and `+7` are none.
@@ -76,7 +78,7 @@ mod tests {
         for name in ["lab", "Lab_2.b-c", "x"] {
             assert!(is_name(name), "{name}");
         }
-        for name in ["", ".lab", "..", "a b", "a/b", "a\\b", "caf\u{e9}", &"x".repeat(65)] {
+        for name in ["", ".lab", "..", "a b", "a/b", "a\\b", "caf\u{e9}", "default.json", &"x".repeat(65)] {
             assert!(!is_name(name), "{name}");
         }
     }

@@ -177,7 +177,7 @@ pub async fn rollback(
 /// models come. A version of it must serve.
 #[utoipa::path(
     put, path = "/v1/models/{name}/default", tag = "models", security(("key" = [])),
-    params(NameParam),
+    params(("name" = String, Path, description = "The model's name.")),
     responses((status = OK, description = "The model", body = ModelInfo), ChangeProblems)
 )]
 pub async fn set_default(State(app): State<App>, Path(name): Path<String>) -> Result<Response, Problem> {

@@ -112,6 +112,8 @@ impl Registry {
                 self.entry(name)?.version(name, *version)?;
                 Err(LookupError::NotReady(name.to_owned(), *version))
             }
+            // It may have been deleted.
+            (Err(LookupError::NothingServes(_)), _) => Err(self.absent(name)),
             (chosen, _) => chosen.cloned(),
         }
     }

@@ -368,7 +368,7 @@ async fn the_repository_is_listed_and_loaded() {
     assert_eq!(post("/v2/repository/models/lab/unload", "").await.unwrap().status(), 200);
     refused(server.get("/v2/models/lab/ready").send().await.unwrap(), 503, "no version").await;
     refused(post_json(&server, INFER, &in_json(&[frame()])).send().await.unwrap(), 503, "no version").await;
-    refused(server.get("/v2/health/ready").send().await.unwrap(), 503, "no model").await;
+    refused(server.get("/v2/health/ready").send().await.unwrap(), 503, "no version of the model").await;
 }
 
 #[tokio::test]

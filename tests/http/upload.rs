@@ -30,7 +30,7 @@ fn zipped(folder: &Path) -> Vec<u8> {
     let mut archive = ZipArchiveWriter::new(&mut body);
     archive.new_dir("home/").create().unwrap();
     for name in ["model.json", "model.safetensors"] {
-        let (mut entry, config) = archive.new_file(&format!("home/{name}")).start().unwrap();
+        let (mut entry, config) = archive.new_file(format!("home/{name}")).start().unwrap();
         let mut writer = config.wrap(&mut entry);
         writer.write_all(&fs::read(folder.join(name)).unwrap()).unwrap();
         let (_, descriptor) = writer.finish().unwrap();

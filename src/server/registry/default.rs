@@ -95,7 +95,7 @@ impl Registry {
         }
     }
 
-    /// Tells at the start which model is the default.
+    /// Tells at the start what of the default model was not told when it was found out.
     pub(super) fn tell_default(&self) {
         let table = self.table();
         let Some(default) = &table.default else {
@@ -103,16 +103,11 @@ impl Registry {
                 "no model serves yet; the first that does answers requests that name none"
             );
         };
-        let others: Vec<&str> = table.stable().filter(|name| name != default).collect();
-        if table.stable().any(|name| name == default) {
-            tracing::info!(
-                model = default,
-                ?others,
-                "is the default: it answers requests that name no model"
-            );
-        } else {
+        if !table.stable().any(|name| name == default) {
             let advice = "name another by `roomsight models default NAME`, or activate a version of it";
-            tracing::warn!(model = default, ?others, advice, "is the default and does not serve");
+            tracing::warn!(model = default, advice, "is the default and does not serve");
+        } else if !self.default_setting.is_empty() {
+            tracing::info!(model = default, "answers requests that name no model, by the setting `model`");
         }
     }
 }
