@@ -129,7 +129,8 @@ async fn a_frame_that_lacks_rows_is_answered_and_told() {
 async fn a_format_that_is_not_read_is_named() {
     let server = Server::start(Settings::default()).await;
     let photo = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic".to_vec();
-    let refusal = problem(server.post("/v1/recognize", photo).send().await.unwrap(), 422, "not-an-image").await;
+    let refusal =
+        problem(server.post("/v1/recognize", photo).send().await.unwrap(), 422, "not-an-image").await;
     assert!(refusal["detail"].as_str().unwrap().contains("HEIC"), "{refusal}");
 }
 
