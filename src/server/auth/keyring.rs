@@ -42,15 +42,21 @@ impl Keyring {
         self.select(|key| key.opens(&hash))
     }
 
-    /// Ready when a caller that was let in with this key, or with none, would be let in no longer.
-    pub async fn revoked(&self, key: Option<&Key>) {
-        let mut keys = self.keys.subscribe();
-        let is_gone = |keys: &Arc<[Arc<Key>]>| match key {
-            Some(key) => keys.iter().all(|other| **other != *key),
-            None => !keys.is_empty(),
+    /// Ready when a caller that was let in with this key, or with none, would be let in no longer, or no longer as
+    /// the robot that it then is.
+    pub async fn revoked(&self, key: Option<&Key>, robot: impl Fn() -> Option<String>) {
+        let mut changes = self.keys.subscribe();
+        let is_let_in = || {
+            let keys = self.keys.borrow().clone();
+            match key {
+                Some(key) => keys.iter().any(|other| **other == *key),
+                None => keys.is_empty(),
+            }
         };
-        // The sender lives as long as we do.
-        let _ = keys.wait_for(is_gone).await;
+        while is_let_in() && robot().is_none_or(|robot| self.check_robot(key, &robot).is_ok()) {
+            // The sender lives as long as we do.
+            let _ = changes.changed().await;
+        }
     }
 
     /// Holds that a caller may speak for a robot.
@@ -58,7 +64,7 @@ impl Keyring {
     /// # Errors
     /// A robot that is not one of the key's, or that another key is bound to.
     pub fn check_robot(&self, key: Option<&Key>, robot: &str) -> Result<(), AuthError> {
-        let is_own = key.is_some_and(|key| key.is_bound_to(robot));
+        let is_own = key.is_some_and(|key| key.is_bound_to(robot) || key.name() == robot);
         let is_others = || self.keys.borrow().iter().any(|other| other.is_bound_to(robot));
         if is_own || !key.is_some_and(Key::is_bound) && !is_others() {
             Ok(())
@@ -126,7 +132,7 @@ mod tests {
         let ((_, bound), (_, free)) = (key("a", &["wall-e"]), key("b", &[]));
         let keyring = Keyring::new(&[bound.clone(), free.clone()]).unwrap();
         let may = |key, robot| keyring.check_robot(key, robot).is_ok();
-        assert!(may(Some(&bound), "wall-e") && !may(Some(&bound), "eve"));
+        assert!(may(Some(&bound), "wall-e") && may(Some(&bound), "a") && !may(Some(&bound), "eve"));
         assert!(!may(Some(&free), "wall-e") && may(Some(&free), "eve"));
         assert!(!may(None, "wall-e") && may(None, "eve"));
     }
@@ -154,14 +160,17 @@ mod tests {
         let is_revoked = async |of: Option<&Key>| {
             tokio::select! {
                 biased;
-                () = keyring.revoked(of) => true,
+                () = keyring.revoked(of, || Some("wall-e".into())) => true,
                 () = tokio::task::yield_now() => false,
             }
         };
         assert!(!is_revoked(Some(&key)).await && is_revoked(None).await);
         keyring.replace(std::slice::from_ref(&other));
         assert!(is_revoked(Some(&key)).await && !is_revoked(Some(&other)).await);
-        keyring.replace(&[other.clone().bound_to(["wall-e"]).unwrap()]);
+        let (_, binding) = self::key("c", &["wall-e"]);
+        keyring.replace(&[other.clone(), binding]);
+        assert!(is_revoked(Some(&other)).await, "the robot is now another's");
+        keyring.replace(&[other.clone().bound_to(["eve"]).unwrap()]);
         assert!(is_revoked(Some(&other)).await, "it no longer allows what it did");
         keyring.replace(&[]);
         assert!(!is_revoked(None).await);

@@ -183,7 +183,7 @@ impl Session {
             }
         }
         let record = self.record.clone();
-        let mut revoked = pin!(app.keyring.revoked(record.key()));
+        let mut revoked = pin!(app.keyring.revoked(record.key(), || record.name().robot));
         let every = app.settings.stream_ping();
         let mut pings = interval_at(tokio::time::Instant::now() + every, every);
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -279,7 +279,7 @@ impl Session {
                 tokio::select! {
                     () = app.stopping.cancelled() => return None,
                     () = self.given_up.cancelled() => return None,
-                    () = app.keyring.revoked(record.key()) => return None,
+                    () = app.keyring.revoked(record.key(), || record.name().robot) => return None,
                     Some(news) = self.news.recv() => { self.hear(news); }
                     arrival = arrivals.recv() => return arrival,
                 }
