@@ -132,7 +132,10 @@ fn the_filters_default_and_range_are_told_as_they_are() {
     let document: Value = serde_json::from_str(&stream_document()).unwrap();
     let default = FilterSettings::default();
     let trust = &document["components"]["schemas"]["FilterSettings"]["properties"]["trust"];
-    assert_eq!((trust["default"].as_f64(), trust["maximum"].as_f64()), (Some(default.trust.into()), Some(Trust::MAX.into())));
+    assert_eq!(
+        (trust["default"].as_f64(), trust["maximum"].as_f64()),
+        (Some(default.trust.into()), Some(Trust::MAX.into()))
+    );
     let hello = &document["channels"]["stream"]["messages"]["server"]["examples"][0]["payload"];
     assert_eq!(hello["settings"]["filter"], serde_json::to_value(default).unwrap());
     let python = concat!(env!("CARGO_MANIFEST_DIR"), "/clients/python/src/roomsight/messages.py");

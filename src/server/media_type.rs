@@ -10,8 +10,7 @@ const URL_ENCODED: &str = "application/x-www-form-urlencoded";
 /// Kinds of content that are never a picture, whatever they are exactly.
 const OTHER_CONTENT: [&str; 7] = ["audio", "font", "message", "model", "multipart", "text", "video"];
 /// How the images begin that are read: JPEG, PNG, WebP, BMP, and those of Netpbm.
-const IMAGES: [&[u8]; 9] =
-    [b"\xFF\xD8", b"\x89PNG", b"RIFF", b"BM", b"P1", b"P2", b"P4", b"P5", b"P7"];
+const IMAGES: [&[u8]; 9] = [b"\xFF\xD8", b"\x89PNG", b"RIFF", b"BM", b"P1", b"P2", b"P4", b"P5", b"P7"];
 /// An image this long has one of the bytes that `curl -d` leaves out.
 const SURELY_HAS_ALL_BYTES: usize = 1 << 10;
 

@@ -188,7 +188,8 @@ pub async fn set_label(
     request: Request,
 ) -> Result<Response, Problem> {
     let LabelPath { name, label } = labeled(path)?;
-    let empty = || BodyError::Malformed("send the label's version as JSON, such as {\"version\": 3}".to_owned());
+    let empty =
+        || BodyError::Malformed("send the label's version as JSON, such as {\"version\": 3}".to_owned());
     let LabelJson { version, share } = read_json(&app, request).await?.ok_or_else(empty)?;
     let wanted = match (label, share) {
         (Label::Canary, Some(share)) => Change::Canary(Some(Canary { version, share })),

@@ -21,8 +21,10 @@ use tracing::{Instrument, info_span};
 const NO_ROUTE: &str = "(none)";
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const MAX_ID_BYTES: usize = 64;
-/// What the documentation page needs, and nothing from elsewhere.
-const CONTENT_POLICY: &str = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'";
+/// What the documentation page needs, and nothing from elsewhere. The digest is that of the one style that the
+/// page's script writes into it.
+const CONTENT_POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self' \
+    'sha256-RL3ie0nH+Lzz2YNqQN83mnU0J1ot4QL7b99vMdIX99w='; frame-ancestors 'none'";
 
 /// Makes the ids of requests that bring none: a part for this process, and a number.
 pub struct RequestIds {

@@ -56,6 +56,7 @@ pub struct FrameForm {
 #[expect(dead_code, reason = "only described; `body` reads it")]
 pub struct BatchForm {
     /// The images, each in a field `frame`.
+    #[schema(min_items = 1)]
     frame: Vec<ImageBytes>,
 }
 
@@ -85,7 +86,7 @@ pub struct VersionParams {
 #[expect(dead_code, reason = "only described; `models::Expected` reads it")]
 pub struct IfMatch {
     /// The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done.
-    #[param(rename = "If-Match")]
+    #[param(rename = "If-Match", value_type = String, required = false, pattern = r#"^("[0-9]+"|[0-9]+|\*)$"#)]
     epoch: Option<String>,
 }
 

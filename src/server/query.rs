@@ -175,7 +175,8 @@ mod tests {
         for good in ["wall-e", "Wall\u{B7}E \u{1F916}", "\u{645}\u{6CC}\u{200C}\u{62E}", &"x".repeat(64)] {
             assert!(check(good), "{good:?}");
         }
-        let bad = ["", "a\nb", "a\u{202E}b", "a\u{200B}", "a\u{2028}b", "\u{FEFF}a", "a\u{85}b", &"x".repeat(65)];
+        let bad =
+            ["", "a\nb", "a\u{202E}b", "a\u{200B}", "a\u{2028}b", "\u{FEFF}a", "a\u{85}b", &"x".repeat(65)];
         for bad in bad {
             assert!(!check(bad), "{bad:?}");
         }

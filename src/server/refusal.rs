@@ -72,7 +72,9 @@ impl Told {
         tracing::info!(request_id = %id, status, "refused before it was a request");
         let body = serde_json::to_vec(&problem.body(&id)).unwrap_or_default();
         let mut bytes = Vec::with_capacity(head.len() + body.len() + 128);
-        for line in head.split_inclusive(|&byte| byte == b'\n').filter(|&line| line != b"\r\n" && line != NO_BODY) {
+        for line in
+            head.split_inclusive(|&byte| byte == b'\n').filter(|&line| line != b"\r\n" && line != NO_BODY)
+        {
             bytes.extend(line);
         }
         let rest = format!(
@@ -110,7 +112,11 @@ impl<T: AsyncRead + Unpin> AsyncRead for Refusals<T> {
 
 impl<T: AsyncRead + AsyncWrite + Unpin> AsyncWrite for Refusals<T> {
     fn poll_write(mut self: Pin<&mut Self>, context: &mut Context, bytes: &[u8]) -> Poll<io::Result<usize>> {
-        if refused(bytes) { self.poll_told(context, bytes) } else { Pin::new(&mut self.io).poll_write(context, bytes) }
+        if refused(bytes) {
+            self.poll_told(context, bytes)
+        } else {
+            Pin::new(&mut self.io).poll_write(context, bytes)
+        }
     }
 
     fn poll_write_vectored(

@@ -118,14 +118,16 @@ async fn models_tell_tritons_tools_how_they_are_run() {
 #[tokio::test]
 async fn models_tell_tritons_tools_what_they_have_done() {
     let server = Server::start(Settings::default()).await;
-    let stats = async |path: &str| success(server.get(path).send().await.unwrap()).await["model_stats"].take();
+    let stats =
+        async |path: &str| success(server.get(path).send().await.unwrap()).await["model_stats"].take();
     let before = stats("/v2/models/lab/stats").await;
     assert_eq!((&before[0]["name"], &before[0]["version"]), (&json!("lab"), &json!("1")));
     assert_eq!((&before[0]["last_inference"], &before[0]["inference_count"]), (&json!(0), &json!(0)));
     assert_eq!(before[0]["batch_stats"], json!([]));
     success(post_json(&server, INFER, &in_json(&[room(0, 3), room(1, 8)])).send().await.unwrap()).await;
     success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
-    problem(server.post("/v1/recognize", b"no image".to_vec()).send().await.unwrap(), 422, "not-an-image").await;
+    problem(server.post("/v1/recognize", b"no image".to_vec()).send().await.unwrap(), 422, "not-an-image")
+        .await;
     let after = stats("/v2/models/lab/stats").await;
     assert_eq!(stats("/v2/models/lab/versions/1/stats").await, after);
     assert_eq!(stats("/v2/models/stats").await, after);

@@ -198,7 +198,8 @@ impl<'a> Inference<'a> {
         let json_length = json_length.unwrap_or(body.len());
         let too_long = RequestError::JsonLength { json_length, body: body.len() };
         let (json, binary) = body.split_at_checked(json_length).ok_or(too_long)?;
-        let Object::<InferRequest>(request) = serde_json::from_slice(json).map_err(|error| unreadable(&error))?;
+        let Object::<InferRequest>(request) =
+            serde_json::from_slice(json).map_err(|error| unreadable(&error))?;
         let parameters = request.parameters.unwrap_or_default();
         let outputs = asked(&request.outputs, parameters.binary_data_output)?;
         let [input] = <[InferInput; 1]>::try_from(request.inputs).map_err(|_| RequestError::Inputs)?;

@@ -178,9 +178,11 @@ fn bytes_that_nobody_announced_are_refused() {
 #[test]
 fn frames_are_read_as_peoples_libraries_write_them() {
     let frame: Vec<u8> = (0..200).map(|byte: u8| byte.wrapping_mul(37)).collect();
-    let in_lines = BASE64_STANDARD.encode(&frame).as_bytes().chunks(76).fold(String::new(), |text, line| {
-        text + std::str::from_utf8(line).unwrap() + "\n"
-    });
+    let in_lines = BASE64_STANDARD
+        .encode(&frame)
+        .as_bytes()
+        .chunks(76)
+        .fold(String::new(), |text, line| text + std::str::from_utf8(line).unwrap() + "\n");
     for text in [in_lines, BASE64_URL_SAFE_NO_PAD.encode(&frame)] {
         let mut request = in_json(&[vec![]]);
         request["inputs"][0]["data"] = json!([text]);
