@@ -24,7 +24,10 @@ const KEY: &str = "key";
         contact(name = "whoever runs this service"),
         license(name = "Apache-2.0", identifier = "Apache-2.0")
     ),
-    servers((url = "/", description = "The service that this document comes from")),
+    servers(
+        (url = "/", description = "The service that this document comes from"),
+        (url = ".", description = "The same under a prefix, which a proxy takes away")
+    ),
     tags(
         (name = "recognize", description = "Frames to rooms"),
         (name = "dashboards", description = "Who streams, and what happens"),
