@@ -49,6 +49,7 @@ pub struct FrameJson<'a> {
     /// The image in base64, in any of the usual ways of writing it: in lines or not, with or without `=` at its
     /// end, in the alphabet for addresses, with a `data:image/...;base64,` before it.
     #[serde(borrow)]
+    #[schema(min_length = 2)]
     pub frame: Cow<'a, str>,
 }
 

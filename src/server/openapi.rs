@@ -32,7 +32,10 @@ pub const AUTH_KINDS: [Kind; 4] = [Kind::Unauthorized, Kind::Forbidden, Kind::Fo
         contact(name = "whoever runs this service"),
         license(name = "Apache-2.0", identifier = "Apache-2.0")
     ),
-    servers((url = "/", description = "The service that this document comes from")),
+    servers(
+        (url = "/", description = "The service that this document comes from"),
+        (url = ".", description = "The same under a prefix, which a proxy takes away")
+    ),
     tags(
         (name = "recognize", description = "Frames to rooms"),
         (name = "dashboards", description = "Who streams, and what happens"),
@@ -64,6 +67,7 @@ pub struct FrameForm {
 #[expect(dead_code, reason = "only described; `body` reads it")]
 pub struct BatchForm {
     /// The images, each in a field `frame`.
+    #[schema(min_items = 1)]
     frame: Vec<ImageBytes>,
 }
 
@@ -93,7 +97,7 @@ pub struct VersionParams {
 #[expect(dead_code, reason = "only described; `models::Expected` reads it")]
 pub struct IfMatch {
     /// The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done.
-    #[param(rename = "If-Match")]
+    #[param(rename = "If-Match", value_type = String, required = false, pattern = r#"^("[0-9]+"|[0-9]+|\*)$"#)]
     epoch: Option<String>,
 }
 

@@ -3,7 +3,6 @@
 use crate::service::{Server, read_raw};
 use roomsight::server::Settings;
 use serde_json::Value;
-use std::io::Write;
 
 /// Reads an answer that must be a problem of this status and kind, and its id.
 fn problem(response: &str, status: u16, kind: &str) {
@@ -27,27 +26,30 @@ async fn what_is_no_http_is_told_so() {
         problem(&read_raw(server.send_raw(bytes)).await, 400, "not-http");
     }
     let after_another = b"GET /livez HTTP/1.1\r\nhost: x\r\n\r\nnonsense\r\n\r\n";
-    let mut stream = server.send_raw(after_another);
+    let stream = server.send_raw(after_another);
     let first = read_raw(stream.try_clone().unwrap()).await;
     assert!(first.starts_with("HTTP/1.1 200 "), "{first}");
-    let both = match first.split_once("HTTP/1.1 400 ") {
-        Some((_, second)) => format!("HTTP/1.1 400 {second}"),
-        None => read_raw(stream.try_clone().unwrap()).await,
+    let second = match first.split_once("HTTP/1.1 400 ") {
+        Some((_, rest)) => format!("HTTP/1.1 400 {rest}"),
+        None => read_raw(stream).await,
     };
-    problem(&both, 400, "not-http");
-    let _ = stream.flush();
+    problem(&second, 400, "not-http");
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn heads_that_are_too_long_are_told_so_and_can_be_sent_to_their_end() {
     let server = Server::start(Settings::default()).await;
-    let path = format!("GET /{} HTTP/1.1\r\nhost: x\r\n\r\n", "x".repeat(65_600));
     let headers = format!("GET /livez HTTP/1.1\r\nhost: x\r\n{}\r\n", "a: b\r\n".repeat(101));
     let much = format!("GET /livez HTTP/1.1\r\nhost: x\r\na: {}\r\n\r\n", "x".repeat(4 << 20));
-    for (bytes, kind, status) in
-        [(path, "head-too-long", 431), (headers, "head-too-long", 431), (much, "head-too-long", 431)]
-    {
-        problem(&read_raw(server.send_raw(bytes.as_bytes())).await, status, kind);
+    for bytes in [headers, much] {
+        problem(&read_raw(server.send_raw(bytes.as_bytes())).await, 431, "head-too-long");
+    }
+    // Whether the path or the head is found too long first depends on how the bytes arrive.
+    let path = format!("GET /{} HTTP/1.1\r\nhost: x\r\n\r\n", "x".repeat(1 << 20));
+    let response = read_raw(server.send_raw(path.as_bytes())).await;
+    match response.contains(" 414 ") {
+        true => problem(&response, 414, "path-too-long"),
+        false => problem(&response, 431, "head-too-long"),
     }
 }
 
