@@ -8,6 +8,9 @@ FEATURES := --all-features
 PYTHON ?= python3
 # An S3 server, which the tests of models in buckets start.
 MOTO := 'moto[s3]' flask flask-cors
+# What the matrix of pictures is made with.
+PILLOW := Pillow numpy
+PICTURES := target/pictures
 # Made once; the stamp is renewed where what is installed changes.
 VENV := target/python
 STAMP := $(VENV)/.installed
@@ -30,14 +33,16 @@ test: tools ## format, lints, all tests
 test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
 	  cargo build --tests $(FEATURES) && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
-	  cargo test $(FEATURES) --lib repository::bucket; \
+	  cargo test $(FEATURES) --lib repository::bucket && \
+	  $(VENV)/bin/python tests/pictures/matrix.py $(PICTURES) && \
+	  ROOMSIGHT_PICTURES=$(PICTURES) cargo test $(FEATURES) --test pictures; \
 	else \
-	  echo "LEFT OUT: the tests of the Python client, of Triton's and of buckets. They take python3 with venv, and its packages from an index." >&2; \
+	  echo "LEFT OUT: the tests of the Python client, of Triton's, of buckets and of pictures beside Pillow's. They take python3 with venv, and its packages from an index." >&2; \
 	fi
 
 $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW)
 	@touch $(STAMP)
 
 bench: tools ## milliseconds a frame, step by step

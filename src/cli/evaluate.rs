@@ -2,7 +2,7 @@
 
 mod stream;
 
-use super::data::{self, DataArgs};
+use super::data::{self, DataArgs, LimitArgs};
 use super::output::{self, say};
 use crate::dataset::Described;
 use crate::evaluate::Evaluation;
@@ -29,6 +29,8 @@ pub(super) struct EvaluateArgs {
     model: PathBuf,
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// Also follow each sequence with a Bayes filter over the rooms, as the service follows a stream of
     /// frames; several amounts of trust in a single frame, such as --filter=0.5,1,2, get a line each
     /// [default: the filter's own]
@@ -67,7 +69,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         stream::check(&dataset)?;
     }
     let extractor = Extractor::new(model.config(), model.camera().clone());
-    let described = data::describe(&dataset, &extractor)?;
+    let described = data::describe(&dataset, &extractor, &args.limits.limits())?;
     let answers: Vec<Answered> = (0..described.samples.len())
         .map(|sample_idx| validate::answer(&model, &described.samples, sample_idx))
         .collect();

@@ -2,11 +2,12 @@
 
 mod not_held_out;
 
-use super::data::{self, ConfigArgs, DataArgs};
+use super::data::{self, ConfigArgs, DataArgs, LimitArgs};
 use super::models::{self, CacheArgs, Local};
 use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Evaluation;
+use crate::image::{Image, Limits};
 use crate::model::{
     Addition, Card, Extractor, GoldenFrame, HeldOut, Measurement, Model, Sample, Training, TrainingStep,
 };
@@ -49,6 +50,8 @@ const DEFAULT_FORGET: f64 = 0.7;
 pub(super) struct TrainArgs {
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// New folder for the model
     #[arg(short, long, value_name = "MODEL", required_unless_present = "publish")]
     output: Option<PathBuf>,
@@ -126,7 +129,11 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         None => dataset.transitions(model.places()),
     };
     let model = model.clone().with_card(card.clone()).with_transitions(transitions);
-    let golden = if args.no_golden_frames { Vec::new() } else { golden_frames(&model, dataset, described) };
+    let golden = if args.no_golden_frames {
+        Vec::new()
+    } else {
+        golden_frames(&model, &trained, &args.limits.limits())
+    };
     let (folder, published) = destination.take(&model, &golden)?;
     let not_held_out = NotHeldOut::of(held_out, &described.samples, args.add.is_some());
 
@@ -198,8 +205,9 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
     let dataset = args.data.open(None)?;
     dataset.check()?;
     let config = args.config.read()?;
-    let camera = args.config.camera(&dataset)?;
-    let described = data::describe_to_train(&dataset, &Extractor::new(&config, camera.clone()))?;
+    let limits = args.limits.limits();
+    let camera = args.config.camera(&dataset, &limits)?;
+    let described = data::describe_to_train(&dataset, &Extractor::new(&config, camera.clone()), &limits)?;
     let samples: Vec<&Sample> = described.samples.iter().collect();
     let training = with_progress(|progress| Ok(Model::train(&samples, &config, camera, progress)?))?;
     let sequences = sequences(&dataset);
@@ -218,8 +226,8 @@ fn add_to(folder: &Path, args: &TrainArgs) -> anyhow::Result<Trained> {
     let dataset = args.data.open(Some(&model))?;
     dataset.check_names(model.places())?;
     model.check_addition(sequences(&dataset))?;
-    let described =
-        data::describe_to_train(&dataset, &Extractor::new(model.config(), model.camera().clone()))?;
+    let extractor = Extractor::new(model.config(), model.camera().clone());
+    let described = data::describe_to_train(&dataset, &extractor, &args.limits.limits())?;
     let samples: Vec<&Sample> = described.samples.iter().collect();
     let training = with_progress(|progress| Ok(model.add(&samples, args.forget, progress)?))?;
     Ok(Trained { training, dataset, described, held_out: "added sequences, before they were learned" })
@@ -281,14 +289,26 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 /// The middle frame of each room, up to [`N_GOLDEN_FRAMES`] rooms.
-fn golden_frames(model: &Model, dataset: &Dataset, described: &Described) -> Vec<GoldenFrame> {
+fn golden_frames(
+    model: &Model,
+    Trained { dataset, described, .. }: &Trained,
+    limits: &Limits,
+) -> Vec<GoldenFrame> {
+    // Whoever loads the model reads its frames within the default limits: it must see what training saw.
+    let looks_the_same = |bytes: &[u8]| {
+        let size = |limits: Limits| {
+            let image = Image::decode(bytes, &limits.enough_for(model.config().longest_side)).ok()?;
+            Some((image.width(), image.height()))
+        };
+        size(*limits) == size(Limits::default())
+    };
     let golden = |(place_idx, place): (usize, &String)| {
         let of_place: Vec<usize> =
             (0..described.samples.len()).filter(|&idx| described.samples[idx].place == *place).collect();
         let sample_idx = *of_place.get(of_place.len() / 2)?;
         let path = &dataset.frames[described.frame_idxs[sample_idx]].path;
         let is_small = fs::metadata(path).is_ok_and(|metadata| metadata.len() <= MAX_GOLDEN_BYTES);
-        let bytes = fs::read(path).ok().filter(|_| is_small)?;
+        let bytes = fs::read(path).ok().filter(|bytes| is_small && looks_the_same(bytes))?;
         let answer = validate::answer(model, &described.samples, sample_idx);
         Some(GoldenFrame {
             name: golden_name(model.places(), place_idx, path),

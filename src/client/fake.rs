@@ -115,6 +115,7 @@ pub fn result(seq: u64, room: &str) -> ServerMessage {
         probabilities: vec![],
         model: model(),
         keypoints: 9,
+        damaged_rows: 0,
         timings_ms: TimingsMs { queue: 0.0, decode: 0.0, features: 0.0, classify: 0.0 },
         request_id: "fake".into(),
         robot: None,

@@ -54,6 +54,11 @@ impl Extractor {
         }
     }
 
+    /// The longest side in pixels that it looks at.
+    pub fn longest_side(&self) -> usize {
+        self.longest_side
+    }
+
     /// The camera whose frames it takes.
     pub fn camera(&self) -> &Camera {
         &self.camera
@@ -64,8 +69,16 @@ impl Extractor {
         let shrunk = image.shrink_to(self.longest_side);
         let scaled = shrunk.as_ref().unwrap_or(image);
         let size = (scaled.width(), scaled.height());
-        let same_size = scratch.view.take().filter(|view| (view.width(), view.height()) == size);
-        let view = scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)));
+        let partial = image
+            .visible()
+            .map(|visible| self.camera.view(size.0, size.1).within(visible.shrunk(image, [size.0, size.1])));
+        let view = match &partial {
+            Some(view) => view,
+            None => {
+                let same_size = scratch.view.take().filter(|view| (view.width(), view.height()) == size);
+                scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)))
+            }
+        };
         let keypoints = self.detector.detect_with(scaled, view, &mut scratch.space);
         let descriptors = match &self.descriptor {
             // The costly part of both, built once.
@@ -75,7 +88,12 @@ impl Extractor {
             descriptor => descriptor.describe(scaled, &keypoints, view),
         };
         let frame = self.describe_frame(scaled, &mut scratch.sections);
-        Features { keypoints, descriptors, frame, scale: image.width() as f32 / scaled.width() as f32 }
+        Features {
+            keypoints,
+            descriptors,
+            frame,
+            scale: (image.width() * image.reduction()) as f32 / scaled.width() as f32,
+        }
     }
 
     /// What the cue sees; `sections` is kept for the next frame of the same size.

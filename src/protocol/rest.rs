@@ -67,6 +67,10 @@ pub struct Answer {
     pub model: ModelName,
     /// The number of keypoints the answer rests on; few say little.
     pub keypoints: usize,
+    /// Rows of the frame that did not arrive, or not whole: they were taken to be gray. Left out where all
+    /// did.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub damaged_rows: usize,
     /// Where the time went.
     pub timings_ms: TimingsMs,
     /// The request, as in the header `X-Request-Id` and the log.
@@ -80,6 +84,10 @@ pub struct Answer {
     /// Where asked for: the keypoints that spoke for and against the room, strongest first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evidence: Option<Vec<KeypointEvidence>>,
+}
+
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 /// A room and its probability.

@@ -29,6 +29,7 @@ impl Answer {
             probabilities: rooms(places, &recognition.probabilities, query.top),
             model: ModelName::from(&**served),
             keypoints: recognition.n_keypoints,
+            damaged_rows: seen.damaged_rows,
             timings_ms: TimingsMs::from(seen.timings),
             request_id: request_id.to_owned(),
             robot: query.robot.clone(),

@@ -36,6 +36,8 @@ pub struct Seen {
     pub recognition: Recognition,
     /// Where asked for: what spoke for and against the room, strongest first.
     pub evidence: Option<Vec<Evidence>>,
+    /// Rows of the frame that are missing at least in part.
+    pub damaged_rows: usize,
     /// Where the time went.
     pub timings: Timings,
 }
@@ -146,7 +148,7 @@ pub fn look(
     task: Task,
     has_left: &dyn Fn() -> bool,
 ) -> Result<Seen, RecognizeError> {
-    let limits = app.settings.frame_limits();
+    let limits = app.settings.frame_limits().enough_for(task.served.model.config().longest_side);
     let (image, decode) = timed(&debug_span!("decode"), || Image::decode(&frame.bytes, &limits));
     let image = image?;
     drop(frame);
@@ -178,7 +180,7 @@ fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
     let (recognition, classify) = timed(&debug_span!("classify"), || model.classify(&features));
     let evidence = explain.then(|| model.explain(&features, recognition.place_idx));
     let timings = Timings { features: features_time, classify, ..Timings::default() };
-    Seen { recognition, evidence, timings, served }
+    Seen { recognition, evidence, damaged_rows: image.damaged_rows(), timings, served }
 }
 
 /// Lends this thread's working memory for frames of one model. A job that panics takes the memory

@@ -208,6 +208,7 @@ impl Settings {
             max_side: self.max_frame_side,
             max_pixels: self.max_frame_pixels,
             max_memory: self.max_decode_bytes,
+            ..image::Limits::default()
         }
     }
 

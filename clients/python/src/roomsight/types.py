@@ -65,6 +65,7 @@ class Answer:
     robot: Optional[str] = None
     captured_at: Optional[str] = None
     evidence: Optional[list[KeypointEvidence]] = None
+    damaged_rows: int = 0
 
 
 @dataclass(frozen=True)
