@@ -140,7 +140,7 @@ impl Image {
     ///
     /// Size, dimensions and the memory that the decoder will take are checked against `limits` before
     /// anything is allocated. Rows that a JPEG lacks are gray, and told by [`Image::damaged_rows`]; one of
-    /// which more than half is missing is refused.
+    /// which less than a third is there is refused.
     pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Self, ImageError> {
         decode::decode(bytes, limits)
     }

@@ -38,7 +38,8 @@ fn pictures_give_the_luma_that_pillow_reads() {
 /// Width and height as 32-bit numbers, then the pixels: what `matrix.py` writes.
 fn compare(picture: &[u8], expected: &[u8]) -> Result<(), String> {
     let (sides, pixels) = expected.split_at(8);
-    let [width, height] = [0, 4].map(|at| u32::from_le_bytes(sides[at..at + 4].try_into().unwrap()) as usize);
+    let &[width, height] = sides.as_chunks::<4>().0 else { return Err("its luma is too short".into()) };
+    let [width, height] = [width, height].map(|side| u32::from_le_bytes(side) as usize);
     let image = Image::decode(picture, &Limits::default()).map_err(|error| error.to_string())?;
     if (image.width(), image.height()) != (width, height) {
         return Err(format!("{} x {} instead of {width} x {height}", image.width(), image.height()));

@@ -26,6 +26,9 @@ use std::array;
 /// A progressive frame brings its whole area once a scan; real ones have about ten.
 const MAX_SCANS: usize = 64;
 
+/// A frame is refused where less than one part in so many of its rows lies together.
+const MIN_VISIBLE_SHARE: usize = 3;
+
 /// What XMP begins with.
 const XMP: &[u8] = b"http://ns.adobe.com/xap/1.0/\0";
 
@@ -71,6 +74,8 @@ struct Reader<'a> {
     frame: Option<Frame>,
     side: usize,
     n_scans: usize,
+    /// Whether the marker of the end came.
+    has_ended: bool,
 }
 
 /// Reads a JPEG. One that is beyond the limits on pixels or memory is read at a half, a quarter or an eighth
@@ -90,6 +95,7 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Picture, ImageErro
         frame: None,
         side: 8,
         n_scans: 0,
+        has_ended: false,
     };
     while !reader.is_complete() && reader.read_marker(limits)? {}
     reader.finish()
@@ -108,7 +114,10 @@ impl<'a> Reader<'a> {
         let marker = self.bytes[at + 1];
         self.position = at + 2;
         match marker {
-            0xD9 => return Ok(false),
+            0xD9 => {
+                self.has_ended = true;
+                return Ok(false);
+            }
             // The start, restarts out of place, and one that means nothing.
             0xD8 | 0xD0..=0xD7 | 0x01 => return Ok(true),
             _ => {}
@@ -121,14 +130,15 @@ impl<'a> Reader<'a> {
             };
         };
         match marker {
-            0xC0..=0xC2 => self.start_frame(segment, marker == 0xC2, limits)?,
+            0xC0..=0xC2 if self.frame.is_some() => return Err(damaged("it has two frame headers")),
+            0xC0..=0xC2 => self.frame = Some(Frame::read(segment, marker == 0xC2)?),
             0xC4 => self.define_huffman(segment)?,
             0xDB => self.define_quantization(segment)?,
             0xDD => {
                 self.restart_interval =
                     segment.first_chunk().map_or(0, |&n| usize::from(u16::from_be_bytes(n)));
             }
-            0xDA => self.scan(segment)?,
+            0xDA => self.scan(segment, limits)?,
             0xE0 => self.is_jfif |= segment.starts_with(b"JFIF\0"),
             0xE1 => {
                 self.in_exif = self.in_exif.or_else(|| exif::in_exif(segment));
@@ -203,17 +213,10 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn start_frame(
-        &mut self,
-        header: &[u8],
-        is_progressive: bool,
-        limits: &Limits,
-    ) -> Result<(), ImageError> {
-        if self.frame.is_some() {
-            return Err(damaged("it has two frame headers"));
-        }
-        let mut frame = Frame::read(header, is_progressive)?;
-        if matches!(self.colors(&frame), Colors::YCbCr) {
+    /// Decides, with all that comes before the first scan, which planes are wanted and at which size, and makes
+    /// room for them.
+    fn begin_pixels(&mut self, frame: &mut Frame, limits: &Limits) -> Result<(), ImageError> {
+        if self.colors(frame) == Colors::YCbCr {
             for component in &mut frame.components[1..] {
                 component.is_wanted = false;
             }
@@ -230,7 +233,6 @@ impl<'a> Reader<'a> {
             if check(8).is_ok() { 8 } else { [4, 2, 1].into_iter().find(|&side| fits(side)).unwrap_or(8) };
         check(self.side)?;
         frame.allocate(self.side);
-        self.frame = Some(frame);
         Ok(())
     }
 
@@ -239,8 +241,8 @@ impl<'a> Reader<'a> {
         let ids: Vec<u8> = frame.components.iter().map(|component| component.id).collect();
         match (&ids[..], self.adobe) {
             ([_], _) => Colors::Gray,
-            ([_, _, _, _], Some(2)) => Colors::Ycck,
-            ([_, _, _, _], _) => Colors::Cmyk,
+            ([_, _, _, _], None | Some(0)) => Colors::Cmyk,
+            ([_, _, _, _], Some(_)) => Colors::Ycck,
             _ if self.is_jfif => Colors::YCbCr,
             (_, Some(0)) => Colors::Rgb,
             (_, Some(_)) => Colors::YCbCr,
@@ -249,10 +251,17 @@ impl<'a> Reader<'a> {
         }
     }
 
-    fn scan(&mut self, header: &[u8]) -> Result<(), ImageError> {
-        let Some(frame) = &mut self.frame else {
-            return Err(damaged("a scan comes before the frame header"));
-        };
+    fn scan(&mut self, header: &[u8], limits: &Limits) -> Result<(), ImageError> {
+        let mut frame = self.frame.take().ok_or_else(|| damaged("a scan comes before the frame header"))?;
+        if self.n_scans == 0 {
+            self.begin_pixels(&mut frame, limits)?;
+        }
+        let result = self.read_scan(header, &mut frame);
+        self.frame = Some(frame);
+        result
+    }
+
+    fn read_scan(&mut self, header: &[u8], frame: &mut Frame) -> Result<(), ImageError> {
         self.n_scans += 1;
         if self.n_scans > MAX_SCANS {
             return Err(damaged(&format!("it has more than {MAX_SCANS} scans")));
@@ -318,8 +327,12 @@ impl<'a> Reader<'a> {
         if frame.components.iter().any(|component| component.is_wanted && !component.was_sent) {
             return Err(damaged("it ends before its pixels begin"));
         }
+        if frame.is_progressive && !self.has_ended {
+            // Nobody knows how many scans were to come.
+            frame.note(0..frame.height, RowState::Coarse);
+        }
         let whole_rows = frame.whole_rows();
-        if 2 * whole_rows.len() < frame.height {
+        if whole_rows.len() * MIN_VISIBLE_SHARE < frame.height {
             return Err(damaged(&format!(
                 "of its {} rows only {} are there; send the whole file",
                 frame.height,

@@ -41,7 +41,8 @@ pub struct Settings {
     pub max_frame_bytes: usize,
     /// The longest side of a frame, in pixels.
     pub max_frame_side: u32,
-    /// The most pixels in a frame.
+    /// The most pixels that are decoded of a frame; JPEGs of more are decoded at a half, a quarter or an
+    /// eighth of their size, where the model needs no more.
     pub max_frame_pixels: u64,
     /// The most memory that decoding one frame may take, in bytes.
     pub max_decode_bytes: u64,

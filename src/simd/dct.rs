@@ -34,14 +34,26 @@ fn inverse_dct_of(groups: &[BlockGroup], quantization: &[i32; 64], samples: &mut
         let mut rows = [[[0; BLOCKS]; SIDE]; SIDE];
         for x in 0..SIDE {
             let mut column = [[0; BLOCKS]; SIDE];
+            let mut any = [0; BLOCKS];
             for (y, values) in column.iter_mut().enumerate() {
                 let step = quantization[y * SIDE + x];
-                for (value, &coefficient) in values.iter_mut().zip(&group[y * SIDE + x]) {
-                    *value = i32::from(coefficient).wrapping_mul(step);
+                for lane in 0..BLOCKS {
+                    let coefficient = group[y * SIDE + x][lane];
+                    values[lane] = i32::from(coefficient).wrapping_mul(step);
+                    any[lane] |= if y == 0 { 0 } else { coefficient };
                 }
             }
-            for (row, values) in rows.iter_mut().zip(pass::<{ COSINE_BITS - KEPT_BITS }>(&column)) {
-                row[x] = values;
+            if any == [0; BLOCKS] {
+                // What the transform gives too, only later.
+                for row in &mut rows {
+                    for (value, &first) in row[x].iter_mut().zip(&column[0]) {
+                        *value = first << KEPT_BITS;
+                    }
+                }
+            } else {
+                for (row, values) in rows.iter_mut().zip(pass::<{ COSINE_BITS - KEPT_BITS }>(&column)) {
+                    row[x] = values;
+                }
             }
         }
         for (y, row) in rows.iter().enumerate() {
@@ -65,7 +77,7 @@ fn samples_of(values: &Lanes) -> u64 {
     let mut samples = [0; BLOCKS];
     // No `map`: it is not compiled for the wide instructions.
     for (sample, &value) in samples.iter_mut().zip(values) {
-        *sample = value.saturating_add(128).clamp(0, 255) as u8;
+        *sample = (value.clamp(-128, 127) + 128) as u8;
     }
     u64::from_le_bytes(samples)
 }
@@ -74,19 +86,23 @@ fn samples_of(values: &Lanes) -> u64 {
 #[inline(always)]
 fn turned(mut bytes: [u64; SIDE]) -> [u64; SIDE] {
     // Quarters of 4 x 4 bytes change places, then those of each quarter, then single bytes.
-    let steps = [(4, 0x0000_0000_FFFF_FFFFu64), (2, 0x0000_FFFF_0000_FFFF), (1, 0x00FF_00FF_00FF_00FF)];
-    for (distance, low) in steps {
-        for first in 0..SIDE {
-            if first & distance != 0 {
-                continue;
-            }
-            let (upper, lower) = (bytes[first], bytes[first + distance]);
-            let shift = 8 * distance as u32;
-            bytes[first] = (upper & low) | ((lower & low) << shift);
-            bytes[first + distance] = ((upper >> shift) & low) | (lower & !low);
+    exchange::<4, 0x0000_0000_FFFF_FFFF>(&mut bytes);
+    exchange::<2, 0x0000_FFFF_0000_FFFF>(&mut bytes);
+    exchange::<1, 0x00FF_00FF_00FF_00FF>(&mut bytes);
+    bytes
+}
+
+/// Exchanges the upper parts of numbers with the lower parts of those `DISTANCE` later; `LOWER` tells the lower
+/// parts, each of `DISTANCE` bytes.
+#[inline(always)]
+fn exchange<const DISTANCE: usize, const LOWER: u64>(bytes: &mut [u64; SIDE]) {
+    for first in 0..SIDE {
+        if first & DISTANCE == 0 {
+            let difference = (bytes[first] >> (8 * DISTANCE) ^ bytes[first + DISTANCE]) & LOWER;
+            bytes[first + DISTANCE] ^= difference;
+            bytes[first] ^= difference << (8 * DISTANCE);
         }
     }
-    bytes
 }
 
 /// A one-dimensional transform of every block (Loeffler, Ligtenberg and Moschytz, with 12 multiplications),

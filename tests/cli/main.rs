@@ -150,6 +150,24 @@ fn recognize_names_the_room_of_each_frame() {
 }
 
 #[test]
+fn limits_and_missing_rows_are_told() {
+    let told = refused(FAILED, &["recognize", "--max-pixels", "6911", &LAB.model(), &LAB.frame("dots")]);
+    assert!(told.contains("96 x 72; the limit is 6911 pixels"), "{told}");
+    done(&["recognize", "--max-pixels", "6912", &LAB.model(), &LAB.frame("dots")]);
+    let told = refused(FAILED, &["recognize", "--max-bytes", "20", &LAB.model(), &LAB.frame("dots")]);
+    assert!(told.contains("the limit is 20"), "{told}");
+
+    let folder = TempDir::new().unwrap();
+    let cut = path(&folder, "cut.jpg");
+    frame("dots", 3).save(&cut).unwrap();
+    let bytes = fs::read(&cut).unwrap();
+    fs::write(&cut, &bytes[..bytes.len() - 200]).unwrap();
+    let told = roomsight(&["recognize", &LAB.model(), &cut]);
+    assert_eq!(told.code, DONE, "{}", told.err);
+    assert!(told.err.contains("rows are damaged or missing"), "{}", told.err);
+}
+
+#[test]
 fn recognize_answers_the_frames_that_it_can_read_and_fails_for_the_others() {
     let folder = TempDir::new().unwrap();
     fs::write(folder.path().join("text.png"), "no image").unwrap();

@@ -117,9 +117,27 @@ async fn a_batch_is_answered_in_order_with_errors_in_their_places() {
 }
 
 #[tokio::test]
+async fn a_frame_that_lacks_rows_is_answered_and_told() {
+    let server = Server::start(Settings::default()).await;
+    let ask = async |frame: Vec<u8>| success(server.post("/v1/recognize", frame).send().await.unwrap()).await;
+    assert_eq!(ask(jpeg()).await.get("damaged_rows"), None);
+    let cut = ask(jpeg()[..jpeg().len() * 9 / 10].to_vec()).await;
+    assert!(cut["damaged_rows"].as_u64().unwrap() > 0, "{cut}");
+}
+
+#[tokio::test]
+async fn a_format_that_is_not_read_is_named() {
+    let server = Server::start(Settings::default()).await;
+    let photo = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic".to_vec();
+    let refusal =
+        problem(server.post("/v1/recognize", photo).send().await.unwrap(), 422, "not-an-image").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("HEIC"), "{refusal}");
+}
+
+#[tokio::test]
 async fn bad_bodies_get_an_error_that_says_why() {
     let server = Server::start(Settings::default()).await;
-    let truncated = jpeg()[..jpeg().len() / 2].to_vec();
+    let truncated = jpeg()[..jpeg().len() / 3].to_vec();
     let cases: [(&str, Vec<u8>, u16, &str); 14] = [
         ("image/jpeg", vec![], 400, "bad-request"),
         ("image/jpeg", b"I am text".to_vec(), 422, "not-an-image"),
