@@ -229,11 +229,10 @@ pub(super) fn describe(
     extractor: &Extractor,
     limits: &Limits,
 ) -> anyhow::Result<Described> {
-    let described = describe_all(dataset, extractor, limits);
-    report("left out", &described.problems);
+    let described = some(describe_all(dataset, extractor, limits), dataset)?;
     let copies: Vec<Problem> = described.copies(dataset).into_iter().map(|copied| copied.problem).collect();
     report("note", &copies);
-    some(described, dataset)
+    Ok(described)
 }
 
 /// The same for training, which leaves copies out: one that is trained makes the rate of one that is held out
@@ -243,9 +242,7 @@ pub(super) fn describe_to_train(
     extractor: &Extractor,
     limits: &Limits,
 ) -> anyhow::Result<Described> {
-    let described = describe_all(dataset, extractor, limits).without_copies(dataset);
-    report("left out", &described.problems);
-    some(described, dataset)
+    some(describe_all(dataset, extractor, limits).without_copies(dataset), dataset)
 }
 
 /// The same to answer frames with a model that was trained on `trained`, which are left out.
@@ -255,9 +252,7 @@ pub(super) fn describe_to_answer(
     limits: &Limits,
     trained: &Described,
 ) -> anyhow::Result<Described> {
-    let described = describe_all(dataset, extractor, limits).without_trained(dataset, trained);
-    report("left out", &described.problems);
-    some(described, dataset)
+    some(describe_all(dataset, extractor, limits).without_trained(dataset, trained), dataset)
 }
 
 fn describe_all(dataset: &Dataset, extractor: &Extractor, limits: &Limits) -> Described {
@@ -267,8 +262,10 @@ fn describe_all(dataset: &Dataset, extractor: &Extractor, limits: &Limits) -> De
     described
 }
 
-/// Refuses to go on without any sample, and names the rooms that are left without one.
+/// Tells what was left out, refuses to go on without any sample, and names the rooms that are left without one.
 fn some(described: Described, dataset: &Dataset) -> anyhow::Result<Described> {
+    report("note", &described.notes);
+    report("left out", &described.problems);
     if described.samples.is_empty() {
         bail!("none of the {} frames can be used; why is told above", dataset.frames.len());
     }

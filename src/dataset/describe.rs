@@ -21,6 +21,15 @@ pub struct Described {
     digests: Vec<blake3::Hash>,
     /// The frames that could not be read.
     pub problems: Vec<Problem>,
+    /// The frames of which only a part could be read.
+    pub notes: Vec<Problem>,
+}
+
+/// What is kept of a frame that was read.
+struct Read {
+    sample: Sample,
+    digest: blake3::Hash,
+    is_damaged: bool,
 }
 
 /// A sample whose picture has the same bytes as another's.
@@ -38,9 +47,11 @@ impl Dataset {
         let limits = &limits.enough_for(extractor.longest_side());
         let describe = |scratch: &mut Scratch, frame: &super::Frame| {
             let described = frame.read_encoded(limits).and_then(|bytes| {
-                let features = extractor.extract(&frame.decode(&bytes, limits)?, scratch);
+                let image = frame.decode(&bytes, limits)?;
+                let features = extractor.extract(&image, scratch);
                 let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
-                Ok((Sample { place, sequence, features }, blake3::hash(&bytes)))
+                let sample = Sample { place, sequence, features };
+                Ok(Read { sample, digest: blake3::hash(&bytes), is_damaged: image.damaged_rows() > 0 })
             });
             on_frame();
             described
@@ -50,10 +61,14 @@ impl Dataset {
         let mut described = Described::default();
         for (frame_idx, result) in results.into_iter().enumerate() {
             match result {
-                Ok((sample, digest)) => {
-                    described.samples.push(sample);
-                    described.digests.push(digest);
+                Ok(read) => {
+                    described.samples.push(read.sample);
+                    described.digests.push(read.digest);
                     described.frame_idxs.push(frame_idx);
+                    if read.is_damaged {
+                        let reason = "rows of it are damaged or missing: the others are taken";
+                        described.notes.push(Problem::new(&self.frames[frame_idx].path, reason));
+                    }
                 }
                 Err(problem) => described.problems.push(problem),
             }

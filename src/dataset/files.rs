@@ -9,6 +9,14 @@ use std::path::Path;
 /// The longest label file or manifest that is read, in bytes: a line for each of a million frames.
 pub const MAX_LABEL_BYTES: u64 = 64 << 20;
 
+/// How names of pictures of the formats that are read end, in lower case.
+const PICTURE_ENDINGS: [&str; 10] = ["bmp", "jfif", "jpe", "jpeg", "jpg", "pgm", "png", "pnm", "ppm", "webp"];
+
+/// Whether a file is called a picture by its ending.
+pub fn is_picture_ending(ending: &str) -> bool {
+    PICTURE_ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known))
+}
+
 /// Reads a regular file of at most `max_bytes`; its size is checked first.
 pub fn read_bounded(path: &Path, max_bytes: u64) -> io::Result<Vec<u8>> {
     // Before opening: opening a pipe would wait for its writer.

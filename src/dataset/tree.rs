@@ -1,7 +1,7 @@
 //! A folder and all below it: what may be of a data set, and what is left out of it and why.
 
 use super::{DatasetError, Problem, files};
-use image::ImageFormat;
+use crate::image::{Image, ImageError, Limits};
 use std::fs::{self, DirEntry, File};
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -54,14 +54,8 @@ const LEFTOVERS: [&str; 21] = [
     "thumbs.db",
 ];
 
-/// Names of pictures. A file that is called one but is none shall be named with what is wrong with it.
-const EXTENSIONS: [&str; 17] = [
-    "avif", "bmp", "gif", "heic", "heif", "jfif", "jpe", "jpeg", "jpg", "jxl", "pgm", "png", "pnm", "ppm",
-    "tif", "tiff", "webp",
-];
-
-/// The first bytes of a file, enough to tell a picture.
-const HEAD_LENGTH: u64 = 16;
+/// The first bytes of a file, enough to tell its format.
+const HEAD_LENGTH: u64 = 256;
 
 impl Tree {
     /// Reads the folder `root` and all below it. A folder below that cannot be read is left out.
@@ -177,19 +171,29 @@ fn kind(entry: &DirEntry) -> io::Result<fs::FileType> {
     if kind.is_symlink() { fs::metadata(entry.path()).map(|metadata| metadata.file_type()) } else { Ok(kind) }
 }
 
+/// What is called a picture is taken for one: if it is none, reading it tells why.
 fn add_file(tree: &mut Tree, path: PathBuf) {
-    let extension = path.extension().unwrap_or_default().to_ascii_lowercase();
-    if EXTENSIONS.iter().any(|known| extension == *known) {
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    if files::is_picture_ending(&extension) {
         return tree.pictures.push(path);
     }
-    if extension == "csv" || extension == "tsv" {
+    if extension.eq_ignore_ascii_case("csv") || extension.eq_ignore_ascii_case("tsv") {
         return tree.lists.push(path);
     }
-    match head(&path) {
-        Ok(head) if is_picture(&head) => tree.pictures.push(path),
-        Ok(head) if head.is_empty() => tree.leave_out(&path, "an empty file"),
-        Ok(_) => tree.leave_out(&path, "not a picture"),
+    match head(&path).map(|head| no_picture(&head)) {
+        Ok(None) => tree.pictures.push(path),
+        Ok(Some(reason)) => tree.leave_out(&path, reason),
         Err(error) => tree.fail(&path, &error),
+    }
+}
+
+/// Why bytes do not begin as a picture that can be read; none where they do.
+fn no_picture(head: &[u8]) -> Option<String> {
+    match Image::decode(head, &Limits::default()) {
+        _ if head.is_empty() => Some("an empty file".to_owned()),
+        Err(ImageError::UnknownFormat) => Some("not a picture".to_owned()),
+        Err(error @ ImageError::Unsupported { .. }) => Some(error.to_string()),
+        _ => None,
     }
 }
 
@@ -205,53 +209,26 @@ fn head(path: &Path) -> io::Result<Vec<u8>> {
     Ok(head)
 }
 
-/// Whether a file begins as a picture does, be it of a format that is only named and not read. Where a format
-/// is told by two letters that any text may begin with, more is looked at.
-fn is_picture(head: &[u8]) -> bool {
-    match image::guess_format(head) {
-        Ok(ImageFormat::Bmp) => head.get(6..10) == Some(&[0; 4]),
-        Ok(ImageFormat::Pnm) => head.get(2).is_some_and(u8::is_ascii_whitespace),
-        Ok(_) => true,
-        Err(_) => is_heif(head),
-    }
-}
-
-/// HEIC and AVIF lie in the container of videos, and are told from them by their brand.
-fn is_heif(head: &[u8]) -> bool {
-    let brand = head.get(4..12).and_then(|brand| brand.strip_prefix(b"ftyp"));
-    brand.is_some_and(|brand| {
-        brand.starts_with(b"he") || [b"mif1", b"msf1", b"avif", b"avis"].iter().any(|known| brand == *known)
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn pictures_are_told_by_how_they_begin() {
-        let pictures: [&[u8]; 8] = [
+        let pictures: [&[u8]; 4] = [
             b"\xff\xd8\xff\xe0\0\x10JFIF\0",
             b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR",
             b"RIFF\x24\0\0\0WEBPVP8 ",
-            b"BM\x36\0\0\0\0\0\0\0\x36\0\0\0",
             b"P5\n4 4\n255\n",
-            b"GIF89a\x01\0\x01\0",
-            b"II*\0\x08\0\0\0",
-            b"\0\0\0\x18ftypheic\0\0\0\0",
         ];
-        assert!(pictures.into_iter().all(is_picture));
-        let others: [&[u8]; 7] = [
-            b"",
-            b"BMW is a make of cars",
-            b"P5 was the fifth",
-            b"P5rooms",
-            b"\0\0\0\x18ftypisom\0\0\0\0",
-            b"file,place\n",
-            b"\0\0\0\0\0\0\0\0",
-        ];
-        let taken: Vec<&&[u8]> = others.iter().filter(|head| is_picture(head)).collect();
-        assert_eq!(taken, [&b"P5 was the fifth".as_slice()], "which only decoding can tell");
+        for head in pictures {
+            assert_eq!(no_picture(head), None, "{head:?}");
+        }
+        let reason = |head: &[u8]| no_picture(head).unwrap();
+        assert_eq!(reason(b""), "an empty file");
+        assert_eq!(reason(b"file,place\n"), "not a picture");
+        assert!(reason(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").contains("HEIC"));
+        assert!(reason(b"\0\0\0\x18ftypisom\0\0\0\0isommp42").contains("video"));
     }
 
     #[test]

@@ -89,6 +89,19 @@ fn pictures_that_train_are_not_answered() {
 }
 
 #[test]
+fn pictures_that_end_early_are_told() {
+    let folder = rooms(|rooms| {
+        let mut whole = std::io::Cursor::new(Vec::new());
+        frame("dots", 60).write_to(&mut whole, image::ImageFormat::Jpeg).unwrap();
+        let whole = whole.into_inner();
+        fs::write(rooms.join("dots/cut.jpg"), &whole[..whole.len() * 9 / 10]).unwrap();
+    });
+    let told = train(&folder, "rooms");
+    assert!(told.err.contains("dots/cut.jpg: rows of it are damaged or missing"), "{}", told.err);
+    assert!(told.out.contains("37 of 37"), "{}", told.out);
+}
+
+#[test]
 fn frames_without_a_held_out_answer_are_explained() {
     let folder = rooms(|rooms| {
         fs::create_dir(rooms.join("attic")).unwrap();

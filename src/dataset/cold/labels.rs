@@ -3,6 +3,7 @@
 //! Frames that were encoded anew have other endings than their lines: a frame is named by what comes before.
 
 use super::Part;
+use crate::dataset::files::is_picture_ending;
 use crate::dataset::{Pose, Problem};
 use std::collections::HashSet;
 use std::path::Path;
@@ -45,11 +46,8 @@ pub fn parse_places(text: &str, path: &Path) -> (Vec<LabelLine>, Vec<Problem>) {
 /// The name of a frame's file without the ending of a picture; `None` where it has no such ending.
 pub(super) fn frame_name(file: &str) -> Option<&str> {
     let (frame, ending) = file.rsplit_once('.')?;
-    ENDINGS.iter().any(|known| ending.eq_ignore_ascii_case(known)).then_some(frame)
+    is_picture_ending(ending).then_some(frame)
 }
-
-/// COLD's own is `jpeg`; the others are what its frames are encoded anew as.
-const ENDINGS: [&str; 7] = ["bmp", "jpe", "jpeg", "jpg", "pgm", "png", "webp"];
 
 /// COLD's labels. The papers use BR for what the files call TL.
 const PLACES: [(&str, &str); 16] = [

@@ -93,13 +93,21 @@ fn what_is_a_picture_is_told_by_its_content() {
         "hall/2.JFIF",
         "hall/3.txt = P5\n",
         "hall/4 = GIF89a",
+        "hall/7 = P2\n",
         "hall/5.txt",
         "hall/6 = ",
         "k/1.jpg",
     ]);
     let dataset = open(set.path()).unwrap();
-    assert_eq!(frames(&dataset), [":hall:1.jpg", ":hall:2.JFIF", ":hall:3.txt", ":hall:4", ":k:1.jpg"]);
-    assert_eq!(told(&set, &dataset.problems), ["hall/5.txt: not a picture", "hall/6: an empty file"]);
+    assert_eq!(frames(&dataset), [":hall:1.jpg", ":hall:2.JFIF", ":hall:3.txt", ":hall:7", ":k:1.jpg"]);
+    assert_eq!(
+        told(&set, &dataset.problems),
+        [
+            "hall/4: a GIF is not read here; convert it to JPEG or PNG",
+            "hall/5.txt: not a picture",
+            "hall/6: an empty file"
+        ]
+    );
 }
 
 #[test]
