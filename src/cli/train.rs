@@ -164,6 +164,12 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     say!("\n{ready} is ready. Try it:")?;
     say!("  {program} recognize {quoted} FRAME.jpg")?;
     say!("  {program} serve --models {models}")?;
+    if let Destination::Repository(repository, name) = &destination
+        && let Some(default) = repository.default_name()?.filter(|default| default != name)
+    {
+        say!("Requests that name no model are answered by {default}. To let {name} answer them:")?;
+        say!("  {program} models default {name} --models {models}")?;
+    }
     Ok(())
 }
 

@@ -170,6 +170,9 @@ fn training_ends_in_a_repository() {
     assert!(Path::new(report["model"].as_str().unwrap()).join("model.safetensors").exists());
     let listed = models(&["--models", &repository], &["list"]);
     assert_eq!(labels(&listed[0]), ["2", "1"]);
+    let second = ["train", &data, "--publish", &repository, "--name", "annex"];
+    let told = done(&[&second, &QUICK[..]].concat());
+    assert!(told.contains("answered by lab") && told.contains("models default annex --models"), "{told}");
 
     for (arguments, reason) in [
         (vec!["--publish", &repository], "--name"),

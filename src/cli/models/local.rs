@@ -88,6 +88,11 @@ impl Local {
         self.model(name)
     }
 
+    /// The model of requests that name none, where that was said.
+    pub fn default_name(&self) -> anyhow::Result<Option<String>> {
+        Ok(self.0.default_model()?.map(|default| default.model))
+    }
+
     /// Where the files of a version are.
     pub fn folder(&self, id: &VersionId) -> anyhow::Result<PathBuf> {
         Ok(self.0.fetch(id)?)
