@@ -47,7 +47,8 @@ pub(super) fn run(args: &HealthArgs) -> anyhow::Result<()> {
 
 /// Where a service of these settings can be called from its own machine.
 fn url_of(settings: &Settings) -> String {
-    format!("http://{}", reachable(&settings.listen))
+    let scheme = if settings.tls_certificate.as_os_str().is_empty() { "http" } else { "https" };
+    format!("{scheme}://{}", reachable(&settings.listen))
 }
 
 /// Where a service that listens on all addresses can be reached; any other address as it is.

@@ -79,7 +79,8 @@ pub fn stream_document() -> Value {
                 became of it. Every accepted frame gets exactly one of `result`, `dropped` or `error` with its \
                 `seq`, in increasing order of `seq`. Close codes: 1001 the service stops; 1002 what came is not \
                 what RFC 6455 allows; 1007 a text is no UTF-8; 1008 nothing was heard for too long, a message was \
-                not complete in time, or the stream goes on over another connection; 1009 a message is too long; \
+                not complete in time, the stream goes on over another connection, or the key that opened it is \
+                valid no longer; 1009 a message is too long; \
                 1013 try again later: no place is free, this caller has its share of them, no model serves, the \
                 stream gave its place to another while it had no connection, or a message stood still while \
                 others waited for its room. Fields that are not described here may come later: pass over them."

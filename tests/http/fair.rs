@@ -116,7 +116,7 @@ async fn the_turns_of_streams_count_where_requests_are_admitted() {
 
 /// Sends a body of a length, but for its last byte.
 fn unfinished(server: &Server, query: &str, length: usize) -> TcpStream {
-    let head = format!("POST /v1/recognize{query} HTTP/1.1\r\nhost: x\r\ncontent-length: {length}\r\n\r\n");
+    let head = format!("POST /v1/recognize{query} HTTP/1.1\r\nhost: localhost\r\ncontent-length: {length}\r\n\r\n");
     let mut stream = server.send_raw(head.as_bytes());
     stream.write_all(&vec![b'x'; length - 1]).unwrap();
     stream
@@ -161,7 +161,7 @@ async fn who_reads_nothing_is_given_up() {
     let mut stream = stream.into_std().unwrap();
     stream.set_nonblocking(false).unwrap();
     // More than the buffers between take.
-    stream.write_all("GET /openapi.json HTTP/1.1\r\nhost: x\r\n\r\n".repeat(100).as_bytes()).unwrap();
+    stream.write_all("GET /openapi.json HTTP/1.1\r\nhost: localhost\r\n\r\n".repeat(100).as_bytes()).unwrap();
     let live = timeout(SOON, server.get("/livez").send()).await.expect("the only place is free again");
     success(live.unwrap()).await;
     server.stop();
@@ -173,7 +173,7 @@ async fn connections_that_rest_give_way_where_places_are_short() {
     let settings = Settings { max_connections: 2, header_timeout_ms: 600_000, ..Settings::default() };
     let server = Server::start(settings).await;
     let silent = server.send_raw(b"");
-    let mut kept = server.send_raw(b"GET /livez HTTP/1.1\r\nhost: x\r\n\r\n");
+    let mut kept = server.send_raw(b"GET /livez HTTP/1.1\r\nhost: localhost\r\n\r\n");
     read_exactly(&mut kept, "HTTP/1.1 200 ");
     for _ in 0..3 {
         let live = server.get("/livez").header("connection", "close").send();
