@@ -35,6 +35,7 @@ use crate::repository::{DefaultModel, Record, Repository, Role};
 use arc_swap::{ArcSwap, Guard};
 use served::Table;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// All models by name.
@@ -52,6 +53,8 @@ pub struct Registry {
     looking: Mutex<()>,
     /// Held while a model is read and tried: one at a time, so that frames keep the processors.
     loading: Mutex<()>,
+    /// Whether frames may come. Before that nothing has to be held back for them.
+    is_open: AtomicBool,
     events: Events,
     metrics: Arc<Metrics>,
 }

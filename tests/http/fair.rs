@@ -116,7 +116,8 @@ async fn the_turns_of_streams_count_where_requests_are_admitted() {
 
 /// Sends a body of a length, but for its last byte.
 fn unfinished(server: &Server, query: &str, length: usize) -> TcpStream {
-    let head = format!("POST /v1/recognize{query} HTTP/1.1\r\nhost: localhost\r\ncontent-length: {length}\r\n\r\n");
+    let head =
+        format!("POST /v1/recognize{query} HTTP/1.1\r\nhost: localhost\r\ncontent-length: {length}\r\n\r\n");
     let mut stream = server.send_raw(head.as_bytes());
     stream.write_all(&vec![b'x'; length - 1]).unwrap();
     stream

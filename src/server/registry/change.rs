@@ -4,13 +4,14 @@ use super::aside::aside;
 use super::served::Table;
 use super::state::{Loaded, State};
 use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, lock};
-use crate::model::{LoadedModel, Stage, TriedModel, try_model};
+use crate::model::{LoadedModel, Stage, try_model};
 use crate::protocol::event::Event;
 use crate::protocol::rest::ModelName;
 use crate::repository::{Canary, Change, Record, RepositoryError, VersionId};
 use crate::server::metrics::{SwapKind, SwapOutcome};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 use tempfile::TempDir;
 
@@ -131,7 +132,7 @@ impl Registry {
     /// A model that does not work, a version that is there already, a repository that cannot be written.
     pub fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), ChangeError> {
         let loading = lock(&self.loading);
-        load_aside(staged.path(), |_| ())?;
+        self.try_folder(staged.path(), |_| ())?;
         drop(loading);
         Ok(self.repository.publish(id, staged)?)
     }
@@ -225,12 +226,21 @@ impl Registry {
         let try_at = |stage| self.enter(&id, State::Trying(stage));
         try_at(Stage::Verifying);
         let folder = self.repository.fetch(&id).map_err(Failure::from);
-        let tried = folder.and_then(|folder| load_aside(&folder, try_at)).inspect_err(|failure| {
+        let tried = folder.and_then(|folder| self.try_folder(&folder, try_at)).inspect_err(|failure| {
             tracing::error!(version = %id, %failure, "does not serve");
             self.enter(&id, State::Failed(failure.clone()));
         })?;
         self.enter(&id, State::Ready(tried.clone()));
         Ok(tried)
+    }
+
+    /// Verifies, loads and tries a model; where frames may come, on a thread that stands aside for them. Whoever
+    /// calls this holds `loading`.
+    fn try_folder(&self, folder: &Path, on_stage: impl FnMut(Stage) + Send) -> Result<Loaded, Failure> {
+        let work = || try_model(folder, on_stage);
+        let tried = if self.is_open.load(Ordering::Relaxed) { aside(work) } else { work() };
+        let LoadedModel { model, digest } = tried?.loaded;
+        Ok(Loaded { model: Arc::new(model), digest })
     }
 
     /// Gives up what was loaded for a change that did not take effect.
@@ -306,13 +316,6 @@ impl Registry {
             version.enter(state);
         }
     }
-}
-
-/// Verifies, loads and tries a model on a thread that stands aside. Whoever calls this holds `loading`.
-fn load_aside(folder: &Path, on_stage: impl FnMut(Stage) + Send) -> Result<Loaded, Failure> {
-    let TriedModel { loaded, .. } = aside(|| try_model(folder, on_stage))?;
-    let LoadedModel { model, digest } = loaded;
-    Ok(Loaded { model: Arc::new(model), digest })
 }
 
 impl Entry {

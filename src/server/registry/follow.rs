@@ -10,6 +10,7 @@ use crate::server::metrics::{Metrics, SwapKind};
 use crate::server::settings::{Policy, Settings};
 use arc_swap::ArcSwap;
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 impl Registry {
@@ -35,6 +36,7 @@ impl Registry {
             committing: Mutex::default(),
             looking: Mutex::default(),
             loading: Mutex::default(),
+            is_open: AtomicBool::new(false),
             events,
             metrics,
         };
@@ -46,6 +48,7 @@ impl Registry {
         }
         registry.settle_default();
         registry.tell_default();
+        registry.is_open.store(true, Ordering::Relaxed);
         Ok(registry)
     }
 
