@@ -157,7 +157,7 @@ impl App {
         let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
         let registry = Registry::open(repository, &settings, (events.clone(), metrics.clone()))?;
         let body_memory = Arc::new(Semaphore::new(settings.max_buffered_bytes));
-        let bodies = Bodies::new(body_memory.clone(), settings.max_buffered_bytes_a_caller());
+        let bodies = Bodies::new(body_memory.clone(), settings.body_limits());
         Ok(Self(Arc::new(AppState {
             keyring: Keyring::new(&settings.keys)?,
             sites,

@@ -25,7 +25,7 @@ const COME_BACK: Duration = Duration::from_secs(1);
 pub struct Bodies {
     /// One permit for each byte.
     memory: Arc<Semaphore>,
-    max_bytes_a_caller: usize,
+    limits: Limits,
     /// How long a body must not have moved before any other may have its bytes.
     stalled_after: Duration,
     state: Mutex<State>,
@@ -33,8 +33,18 @@ pub struct Bodies {
     freed: Notify,
 }
 
+/// How many bytes may be held.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// By all bodies; what is left of the memory is for frames of streams.
+    pub all: usize,
+    /// By the bodies of one caller.
+    pub one_caller: usize,
+}
+
 #[derive(Default)]
 struct State {
+    n_bytes: usize,
     bytes_by_caller: HashMap<CallerId, usize>,
     under_way: BTreeMap<u64, UnderWay>,
     n_begun: u64,
@@ -66,14 +76,8 @@ enum Short {
 
 impl Bodies {
     /// Bodies in this memory, which has a permit for each byte.
-    pub fn new(memory: Arc<Semaphore>, max_bytes_a_caller: usize) -> Self {
-        Self {
-            memory,
-            max_bytes_a_caller,
-            stalled_after: STALLED,
-            state: Mutex::default(),
-            freed: Notify::new(),
-        }
+    pub fn new(memory: Arc<Semaphore>, limits: Limits) -> Self {
+        Self { memory, limits, stalled_after: STALLED, state: Mutex::default(), freed: Notify::new() }
     }
 
     /// A body of this caller begins; it holds nothing yet.
@@ -163,12 +167,17 @@ impl Held {
     fn try_take(&mut self, n_bytes: usize) -> Result<(), Short> {
         let mut state = self.bodies.state();
         let held = state.bytes_by_caller.get(&self.caller).copied().unwrap_or_default();
-        if held + n_bytes > self.bodies.max_bytes_a_caller {
+        let Limits { all, one_caller } = self.bodies.limits;
+        if held + n_bytes > one_caller {
             return Err(Short::Share);
+        }
+        if state.n_bytes + n_bytes > all {
+            return Err(Short::All);
         }
         let n_permits = u32::try_from(n_bytes).map_err(|_| Short::All)?;
         let taken = self.bodies.memory.clone().try_acquire_many_owned(n_permits).map_err(|_| Short::All)?;
         state.bytes_by_caller.insert(self.caller.clone(), held + n_bytes);
+        state.n_bytes += n_bytes;
         if let Some(body) = state.under_way.get_mut(&self.id) {
             body.n_bytes += n_bytes;
             body.moved = Instant::now();
@@ -188,6 +197,7 @@ impl Drop for Held {
     fn drop(&mut self) {
         let mut state = self.bodies.state();
         state.under_way.remove(&self.id);
+        state.n_bytes -= self.bytes.num_permits();
         if let Some(held) = state.bytes_by_caller.get_mut(&self.caller) {
             *held -= self.bytes.num_permits();
             if *held == 0 {
@@ -213,9 +223,10 @@ mod tests {
         CallerId::Robot(name.into())
     }
 
-    fn bodies(n_bytes: usize, max_bytes_a_caller: usize) -> Bodies {
+    fn bodies(n_bytes: usize, one_caller: usize) -> Bodies {
         let memory = Arc::new(Semaphore::new(n_bytes));
-        Bodies { stalled_after: Duration::MAX, ..Bodies::new(memory, max_bytes_a_caller) }
+        let limits = Limits { all: n_bytes, one_caller };
+        Bodies { stalled_after: Duration::MAX, ..Bodies::new(memory, limits) }
     }
 
     async fn body(bodies: &Arc<Bodies>, name: &str, n_bytes: usize) -> Held {
@@ -250,6 +261,17 @@ mod tests {
         polite.take(10, 10).await.unwrap();
         gone.await.unwrap();
         assert!(!small.give_way.is_cancelled());
+    }
+
+    #[tokio::test]
+    async fn bodies_leave_memory_to_others() {
+        let memory = Arc::new(Semaphore::new(100));
+        let bodies = Arc::new(Bodies::new(memory.clone(), Limits { all: 75, one_caller: 50 }));
+        let (_one, mut other) = (body(&bodies, "a", 50).await, body(&bodies, "b", 20).await);
+        assert_eq!(other.take(10, 30).await, Err(no_memory(Short::All)));
+        assert_eq!(memory.available_permits(), 30);
+        drop(other);
+        body(&bodies, "c", 25).await;
     }
 
     #[tokio::test]

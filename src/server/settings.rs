@@ -1,6 +1,7 @@
 //! What an operator may set: defaults, then a file, then the environment, then flags.
 
 use super::auth::{Key, Sites, check_together};
+use super::bodies;
 use super::pool::Size;
 use crate::image;
 use crate::model::MAX_MODEL_BYTES;
@@ -268,10 +269,12 @@ impl Settings {
         self.max_frame_bytes.max(self.max_batch_bytes)
     }
 
-    /// The most bytes of bodies that one caller may hold.
-    pub fn max_buffered_bytes_a_caller(&self) -> usize {
-        let n_of_share = (self.max_buffered_bytes as f64 * self.caller_share) as usize;
-        n_of_share.max(self.largest_body())
+    /// How many bytes bodies of requests may hold: three quarters of all, so that frames of streams, unfinished
+    /// ones of which have a quarter, are not stopped by requests. The longest body always fits.
+    pub fn body_limits(&self) -> bodies::Limits {
+        let all = (self.max_buffered_bytes / 4 * 3).max(self.largest_body());
+        let of_share = (self.max_buffered_bytes as f64 * self.caller_share) as usize;
+        bodies::Limits { all, one_caller: of_share.max(self.largest_body()).min(all) }
     }
 
     /// What decoding a frame is limited to.
