@@ -155,15 +155,17 @@ impl Pool {
     /// that have more in it than this one would have are pushed out.
     pub fn admit(&self, caller: &CallerId, n_jobs: usize) -> Result<Vec<Slot>, QueueFull> {
         let mut state = self.shared.state();
-        let refused = |state: &State, refusal| Err(self.shared.full(&state.jobs, caller, refusal));
-        let pushed_out = match state.jobs.admit(caller, n_jobs) {
-            Ok(pushed_out) => pushed_out,
-            Err(refusal) => return refused(&state, refusal),
-        };
-        let full = self.shared.full(&state.jobs, caller, Refusal::Full);
-        drop(state);
-        for job in pushed_out {
-            job(Err(QueueFull { whose: Whose::Caller, ..full }));
+        let pushed_out = state
+            .jobs
+            .admit(caller, n_jobs)
+            .map_err(|refusal| self.shared.full(&state.jobs, caller, refusal))?;
+        if !pushed_out.is_empty() {
+            let full = self.shared.full(&state.jobs, caller, Refusal::Full);
+            // They give their slots back, for which they need the state.
+            drop(state);
+            for job in pushed_out {
+                job(Err(QueueFull { whose: Whose::Caller, ..full }));
+            }
         }
         Ok((0..n_jobs).map(|_| Slot { shared: self.shared.clone(), caller: caller.clone() }).collect())
     }
