@@ -73,10 +73,13 @@ pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
 fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
     limits::raise_open_files(&settings);
     let address = permitted_address(&settings)?;
-    let app = App::start(settings)?;
     let runtime = tokio::runtime::Runtime::new()?;
-    let served = runtime.block_on(async {
+    {
+        let _inside = runtime.enter();
         limits::survive_large_files();
+    }
+    let app = App::start(settings)?;
+    let served = runtime.block_on(async {
         let listener = listen(address)?;
         let scheme = if app.speaks_tls() { "https" } else { "http" };
         let url = format!("{scheme}://{}", listener.local_addr()?);

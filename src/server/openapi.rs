@@ -319,7 +319,9 @@ pub fn accept_sessions(document: &mut utoipa::openapi::OpenApi) {
     });
     for operation in operations {
         let makes_sessions = operation.operation_id.as_deref() == Some("sign_in");
-        if let Some(security) = operation.security.as_mut().filter(|schemes| !makes_sessions && !schemes.is_empty()) {
+        if let Some(security) =
+            operation.security.as_mut().filter(|schemes| !makes_sessions && !schemes.is_empty())
+        {
             security.push(SecurityRequirement::new(SESSION, iter::empty::<String>()));
         }
     }
