@@ -200,5 +200,5 @@ class Browser(RunningService):
                 with self.subTest(page):
                     tab.open(address)
                     told = tab.run(f"({ATTEMPTS})('{self.url}')")
-                    expected = {"read": 200, "frame": 422, "label": 400, "events": "opened", "stream": "opened"}
+                    expected = {"read": 200, "frame": 422, "label": 409, "events": "opened", "stream": "opened"}
                     self.assertEqual({name: told[name] for name in expected}, expected, told)
