@@ -3,22 +3,37 @@
 #
 # Without keys the service refuses to listen on an address that others can reach. To serve everyone
 # all the same, say so: -e ROOMSIGHT_ALLOW_ANONYMOUS=true
+#
+# Models that are uploaded stay in the volume of /opt/roomsight/models: -v rooms:/opt/roomsight/models keeps it. A
+# folder of the host in its place must be readable, and for uploads writable, for the user 10001. Models from a
+# bucket (-e ROOMSIGHT_MODELS=s3://BUCKET/PREFIX) are kept in the volume of /opt/roomsight/models-cache.
 
 FROM rust:1-slim-bookworm AS build
 WORKDIR /src
+# The dependencies alone, with nothing of ours to compile: kept until they change.
+COPY Cargo.toml Cargo.lock ./
+COPY benches benches
+RUN mkdir src && echo 'fn main() {}' > src/main.rs && touch src/lib.rs \
+    && cargo build --profile dist --locked --bin roomsight && rm -r src
 COPY . .
-RUN cargo build --profile dist --locked --bin roomsight
+# Files keep the times that they had, which may be before those of what was built of nothing.
+RUN touch src/main.rs src/lib.rs && cargo build --profile dist --locked --bin roomsight
 
 FROM debian:bookworm-slim
-RUN useradd --system --uid 10001 --no-create-home roomsight
+RUN groupadd --system --gid 10001 roomsight \
+    && useradd --system --uid 10001 --gid 10001 --no-create-home roomsight
 # Whom to believe, where models come from a bucket.
 COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/
 COPY --from=build /src/target/dist/roomsight /usr/local/bin/roomsight
-COPY models /opt/roomsight/models
 WORKDIR /opt/roomsight
-USER roomsight
+COPY --chown=10001:10001 models models
+RUN install -d -o 10001 -g 10001 models models-cache
+# As a number, so that Kubernetes sees that it is not root.
+USER 10001:10001
+VOLUME ["/opt/roomsight/models", "/opt/roomsight/models-cache"]
 ENV ROOMSIGHT_LISTEN=0.0.0.0:8080
 EXPOSE 8080
-HEALTHCHECK --interval=10s --timeout=3s --start-period=10s CMD ["roomsight", "health"]
+# `health` asks where the settings say, and waits for 4 s at most.
+HEALTHCHECK --interval=10s --timeout=5s --start-period=10s CMD ["roomsight", "health"]
 ENTRYPOINT ["roomsight"]
 CMD ["serve"]

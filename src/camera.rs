@@ -4,7 +4,7 @@ mod mirror;
 
 pub use mirror::Mirror;
 
-use crate::image::Image;
+use crate::image::{Image, Region};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -78,7 +78,8 @@ impl Camera {
     pub fn view(&self, width: usize, height: usize) -> View {
         let wraps = self.projection == Projection::Equirectangular;
         let hidden = self.mask.as_ref().map(|mask| HiddenCount::new(&mask.0, (width, height), wraps));
-        View { width, height, projection: self.projection, hidden }
+        let visible = Region { left: 0, top: 0, right: width, bottom: height };
+        View { width, height, projection: self.projection, visible, hidden }
     }
 }
 
@@ -88,10 +89,16 @@ pub struct View {
     width: usize,
     height: usize,
     projection: Projection,
+    visible: Region,
     hidden: Option<HiddenCount>,
 }
 
 impl View {
+    /// The same, where nothing beyond `visible` was seen by the camera.
+    pub fn within(self, visible: Region) -> Self {
+        Self { visible, ..self }
+    }
+
     /// The frame's width in pixels.
     pub fn width(&self) -> usize {
         self.width
@@ -140,7 +147,10 @@ impl View {
 
     /// Whether every pixel of the frame is valid.
     pub fn is_whole_frame(&self) -> bool {
-        self.hidden.is_none() && !matches!(self.projection, Projection::Omnidirectional(_))
+        let visible = self.visible;
+        let is_visible =
+            visible.right - visible.left == self.width && visible.bottom - visible.top == self.height;
+        is_visible && self.hidden.is_none() && !matches!(self.projection, Projection::Omnidirectional(_))
     }
 
     /// The kind of camera.
@@ -165,9 +175,10 @@ impl View {
 
     #[inline]
     fn in_frame(&self, x: f32, y: f32, margin: f32) -> bool {
-        let (right, bottom) = ((self.width - 1) as f32, (self.height - 1) as f32);
-        let columns = self.wraps() | ((x - margin >= 0.0) & (x + margin <= right));
-        columns & (y - margin >= 0.0) & (y + margin <= bottom)
+        let Region { left, top, right, bottom } = self.visible;
+        let wraps = self.wraps() & (left == 0) & (right == self.width);
+        let columns = wraps | ((x - margin >= left as f32) & (x + margin + 1.0 <= right as f32));
+        columns & (y - margin >= top as f32) & (y + margin + 1.0 <= bottom as f32)
     }
 
     #[inline]
@@ -296,6 +307,16 @@ mod tests {
                 && !view.contains(41.0, 10.0, 1.0)
         );
         assert!(!view.contains(20.0, 10.0, 30.0), "all columns");
+    }
+
+    #[test]
+    fn nothing_is_valid_where_rows_are_missing() {
+        let visible = Region { left: 0, top: 0, right: 20, bottom: 6 };
+        let view = Camera::new(Projection::Equirectangular).view(20, 10).within(visible);
+        assert!(!view.is_whole_frame());
+        assert!(view.contains(0.0, 5.0, 0.0) && view.contains(0.0, 3.0, 2.0));
+        assert!(!view.contains(9.0, 6.0, 0.0) && !view.contains(9.0, 4.0, 2.0));
+        assert!(view.within(Region { bottom: 10, ..visible }).is_whole_frame());
     }
 
     #[test]

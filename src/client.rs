@@ -21,6 +21,7 @@
 pub(crate) mod fake;
 mod models;
 mod stream;
+mod tls;
 
 pub use stream::{ResumePoint, Stream, StreamReceiver, StreamSender};
 
@@ -28,7 +29,9 @@ use crate::protocol::rest::{Answer, ProblemBody, RecognizeQuery};
 use crate::protocol::stream::Configure;
 use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
 use reqwest::{ClientBuilder, Response, StatusCode, Url};
+use rustls::ClientConfig;
 use serde::de::DeserializeOwned;
+use std::sync::Arc;
 use std::time::Duration;
 use tokio_tungstenite::tungstenite;
 
@@ -49,6 +52,9 @@ pub enum ClientError {
     /// A key that no header can carry.
     #[error("the key has characters that no key has")]
     Key,
+    /// Certificates of authorities that cannot be used.
+    #[error("the certificates of those to believe cannot be used: {0}")]
+    Authorities(String),
     /// The service cannot be reached, or the call broke.
     #[error(transparent)]
     Call(#[from] reqwest::Error),
@@ -72,7 +78,8 @@ pub enum ClientError {
     /// The stream was closed by the service.
     #[error("the stream was closed with {code} {reason}")]
     Closed {
-        /// Why: 1001 it stops, 1008 the key's rights, 1009 a message too long, 1013 try again later.
+        /// Why: 1001 it stops, 1008 silence or a message that took too long, 1009 a message too long, 1013 try
+        /// again later. The AsyncAPI document lists all.
         code: u16,
         /// Why, in words.
         reason: String,
@@ -89,24 +96,44 @@ pub struct Client {
     url: Url,
     /// The value of the header `Authorization`.
     authorization: Option<HeaderValue>,
+    /// For `https://`.
+    tls: Option<Arc<ClientConfig>>,
 }
 
 impl Client {
-    /// A client of the service at `url`, such as `http://127.0.0.1:8080`, with a key where one is needed.
-    /// Nothing is sent yet.
+    /// A client of the service at `url`, such as `http://127.0.0.1:8080`, with a key where one is needed. At an
+    /// `https://` the certificate must come from an authority that the system believes. Nothing is sent yet.
     ///
     /// # Errors
-    /// An address that is no `http://`, a key that no header can carry.
+    /// An address of neither kind, a key that no header can carry, a system without authorities.
     pub fn new(url: &str, key: Option<&str>) -> Result<Self, ClientError> {
+        Self::build(url, key, None)
+    }
+
+    /// The same, but only the authorities in this PEM are believed.
+    ///
+    /// # Errors
+    /// The same, and a PEM without certificates.
+    pub fn believing(url: &str, key: Option<&str>, authorities: &[u8]) -> Result<Self, ClientError> {
+        Self::build(url, key, Some(authorities))
+    }
+
+    fn build(url: &str, key: Option<&str>, authorities: Option<&[u8]>) -> Result<Self, ClientError> {
         let wrong = |reason: String| ClientError::Url { url: url.to_owned(), reason };
         let parsed = Url::parse(url.trim_end_matches('/')).map_err(|error| wrong(error.to_string()))?;
-        if parsed.scheme() != "http" {
-            return Err(wrong(format!("{} is not spoken here", parsed.scheme())));
-        }
+        let tls = match parsed.scheme() {
+            "http" => None,
+            "https" => Some(tls::believing(authorities)?),
+            other => return Err(wrong(format!("{other} is not spoken here"))),
+        };
         let authorization = key.map(|key| bearer(key).ok_or(ClientError::Key)).transpose()?;
         let headers: HeaderMap = authorization.iter().map(|value| (AUTHORIZATION, value.clone())).collect();
-        let http = http(PATIENCE).default_headers(headers).build()?;
-        Ok(Self { http, url: parsed, authorization })
+        let http = match &tls {
+            None => http(PATIENCE),
+            Some(config) => plain(PATIENCE).tls_backend_preconfigured(config.clone()),
+        };
+        let http = http.default_headers(headers).build()?;
+        Ok(Self { http, url: parsed, authorization, tls: tls.map(Arc::new) })
     }
 
     /// The room of one encoded image.
@@ -143,7 +170,11 @@ impl Client {
 
 /// A client of plain HTTP, which does without the certificates that a small system may not have.
 pub(crate) fn http(patience: Duration) -> ClientBuilder {
-    reqwest::Client::builder().timeout(patience).no_proxy().tls_certs_only([])
+    plain(patience).tls_certs_only([])
+}
+
+fn plain(patience: Duration) -> ClientBuilder {
+    reqwest::Client::builder().timeout(patience).no_proxy()
 }
 
 fn bearer(key: &str) -> Option<HeaderValue> {
@@ -186,7 +217,7 @@ mod tests {
     fn addresses_and_keys_are_checked_before_anything_is_sent() {
         let refused = |url: &str, key| Client::new(url, key).unwrap_err().to_string();
         assert!(refused("127.0.0.1:8080", None).contains("http://127.0.0.1:8080"));
-        assert!(refused("https://lab", None).contains("https is not spoken"));
+        assert!(refused("ftp://lab", None).contains("ftp is not spoken"));
         assert!(refused("http://lab", Some("a\nb")).contains("key"));
         let debugged = format!("{:?}", Client::new("http://lab", Some("rs_secret")).unwrap());
         assert!(!debugged.contains("rs_secret"), "{debugged}");

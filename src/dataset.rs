@@ -2,12 +2,13 @@
 //!
 //! | format | what lies there |
 //! |---|---|
-//! | [`Format::Folder`] | a folder a room: `kitchen/*.jpg`, or `kitchen/SEQUENCE/*.jpg` |
+//! | [`Format::Folder`] | a folder a room: `kitchen/*.jpg`, or `kitchen/SEQUENCE/*.jpg`; also in `train`, `val`, ... |
 //! | [`Format::Manifest`] | `frames.csv` with the columns `file,place,sequence,camera,split` |
 //! | [`Format::Cold`] | COLD sequences: `seq3_cloudy1/{std_cam,omni_cam,localization/places.lst}` |
 //!
 //! What cannot be used is never skipped in silence: it is a [`Problem`] beside the frames, or, where
-//! nothing sensible can be made of the whole, a [`DatasetError`].
+//! nothing sensible can be made of the whole, a [`DatasetError`]. One name is one room: names are compared as
+//! [`Dataset::check`] says.
 
 pub mod cold;
 mod describe;
@@ -17,18 +18,21 @@ mod files;
 mod folder;
 mod glob;
 mod manifest;
+mod names;
 #[cfg(test)]
 mod tests;
+mod tree;
 
-pub use describe::Described;
-pub use error::{DatasetError, Problem};
+pub use describe::{Copied, Described};
+pub use error::{DatasetError, Problem, ProblemKind, by_kind};
 
 use crate::camera::CameraKind;
 use crate::image::{Image, Limits};
 use std::cmp::Ordering;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use tree::Tree;
 
 /// Where the robot stood, in the coordinates of its sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,8 +67,12 @@ pub struct Frame {
 impl Frame {
     /// Reads and decodes the image; its size is checked before a byte of it is read.
     pub fn read(&self, limits: &Limits) -> Result<Image, Problem> {
-        let bytes = self.read_encoded(limits)?;
-        Image::decode(&bytes, limits).map_err(|error| Problem::new(&self.path, error.to_string()))
+        self.decode(&self.read_encoded(limits)?, limits)
+    }
+
+    /// Decodes what was read.
+    fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, Problem> {
+        Image::decode(bytes, limits).map_err(|error| Problem::new(&self.path, error.to_string()))
     }
 
     /// Reads the image as it is encoded; its size is checked before a byte of it is read.
@@ -94,33 +102,91 @@ pub struct Dataset {
     pub format: Format,
     /// By sequence, then time, then name; numbers in names count by value.
     pub frames: Vec<Frame>,
-    /// Everything that was left out or looked wrong, in the order it was met.
+    /// Everything that was left out, in the order it was met.
     pub problems: Vec<Problem>,
+    /// What was taken otherwise than a user may expect.
+    pub notes: Vec<Problem>,
     /// How many frames were listed with an empty place.
     pub n_unlabeled: usize,
 }
 
 /// Opens a data set, telling its format by what lies at `path`. No image is decoded.
 pub fn open(path: &Path) -> Result<Dataset, DatasetError> {
+    open_for(path, &[])
+}
+
+/// The same for a model that knows these rooms: a folder of such a name is a room, also where it is the only
+/// one and might be taken for a folder around the rooms.
+pub fn open_for(path: &Path, rooms: &[String]) -> Result<Dataset, DatasetError> {
     let metadata = fs::metadata(path).map_err(|error| DatasetError::io(path, error))?;
-    let csv = if metadata.is_file() { path.to_owned() } else { path.join(manifest::FILE_NAME) };
-    let mut dataset = if csv.is_file() {
-        manifest::read(&csv)?
-    } else {
-        let sequences = cold::find_sequences(path)?;
-        if sequences.is_empty() { folder::read(path)? } else { cold::read(path, &sequences)? }
-    };
+    let mut dataset = if metadata.is_dir() { in_folder(path, rooms)? } else { manifest::read(path)? };
+    dataset.settle_names();
     dataset.frames.sort_by(in_order);
     Ok(dataset)
 }
 
+fn in_folder(path: &Path, rooms: &[String]) -> Result<Dataset, DatasetError> {
+    if let Some(list) = manifest::find(path).map_err(|error| DatasetError::io(path, error))? {
+        return manifest::read(&list);
+    }
+    let tree = Tree::read(path)?;
+    let sequences = cold::find_sequences(&tree);
+    if !sequences.is_empty() {
+        return cold::read(&tree, &sequences);
+    }
+    match wrapped_manifest(&tree) {
+        Some(list) => manifest::read(list),
+        None => folder::read(&tree, rooms),
+    }
+}
+
+/// The manifest in the only folder of a folder, as archives are unpacked.
+fn wrapped_manifest(tree: &Tree) -> Option<&PathBuf> {
+    let [only] = &tree.folders[..] else { return None };
+    let list = only.lists.iter().find(|list| manifest::is_called_so(list));
+    if tree.pictures.is_empty() { list.or_else(|| wrapped_manifest(only)) } else { None }
+}
+
 impl Dataset {
     fn new(root: &Path, format: Format) -> Self {
-        Self { root: root.to_owned(), format, frames: Vec::new(), problems: Vec::new(), n_unlabeled: 0 }
+        let (frames, problems, notes) = (Vec::new(), Vec::new(), Vec::new());
+        Self { root: root.to_owned(), format, frames, problems, notes, n_unlabeled: 0 }
     }
 
     fn report(&mut self, path: &Path, reason: impl Into<String>) {
         self.problems.push(Problem::new(path, reason));
+    }
+
+    fn note(&mut self, path: &Path, reason: impl Into<String>) {
+        self.notes.push(Problem::new(path, reason));
+    }
+
+    /// Brings the names of rooms, sequences and splits into one form; a frame whose room cannot be named is a
+    /// problem. Which names of rooms became one is noted.
+    fn settle_names(&mut self) {
+        let mut spellings: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for mut frame in std::mem::take(&mut self.frames) {
+            let place = names::settled(&frame.place);
+            frame.sequence = names::settled(&frame.sequence);
+            frame.split = names::settled(&frame.split);
+            let unnamed = |name: &&String| !name.is_empty();
+            let fault = [&frame.sequence, &frame.split]
+                .into_iter()
+                .filter(unnamed)
+                .find_map(|name| names::fault(name));
+            if let Some(fault) = names::fault(&place).or(fault) {
+                self.report(&frame.path, fault);
+                continue;
+            }
+            spellings.entry(place.clone()).or_default().insert(std::mem::replace(&mut frame.place, place));
+            self.frames.push(frame);
+        }
+        let root = self.root.clone();
+        for spellings in spellings.into_values().filter(|spellings| spellings.len() > 1) {
+            let spelled: Vec<String> = spellings.iter().map(|name| names::spelled(name)).collect();
+            let reason = "differ in spaces or in how letters are encoded: taken as one room";
+            self.note(&root, format!("{} {reason}", spelled.join(" and ")));
+        }
     }
 
     /// The rooms, sorted, each once.
@@ -151,7 +217,8 @@ impl Dataset {
         self.keep("split", split, |frame| &frame.split, |name| name == split)
     }
 
-    /// Refuses what no model can be trained on: no frame, one room only, cameras mixed.
+    /// Refuses what no model can be trained on: no frame, one room only, cameras mixed, or names of rooms that
+    /// only differ in case, in the kind of spaces, or in characters that cannot be seen.
     pub fn check(&self) -> Result<(), DatasetError> {
         if self.frames.is_empty() {
             return Err(DatasetError::NoFrames { root: self.root.clone(), hint: self.why_empty() });
@@ -159,7 +226,31 @@ impl Dataset {
         if let [place] = self.places().as_slice() {
             return Err(DatasetError::OnePlace { place: place.clone() });
         }
+        self.check_names(&[])?;
         self.check_camera()
+    }
+
+    /// Refuses names of rooms that only differ in case, in the kind of spaces, or in characters that cannot be
+    /// seen, from each other or from `rooms`, those of a model.
+    pub fn check_names(&self, rooms: &[String]) -> Result<(), DatasetError> {
+        let of_model = rooms.iter().map(|room| (room, None));
+        let of_frames = self.frames.iter().map(|frame| (&frame.place, Some(frame)));
+        let origin = |frame: Option<&Frame>| {
+            frame.map_or_else(|| "a room of the model".to_owned(), |frame| frame.path.display().to_string())
+        };
+        let mut seen: BTreeMap<String, (&String, Option<&Frame>)> = BTreeMap::new();
+        for (place, frame) in of_model.chain(of_frames) {
+            let (other, other_frame) = *seen.entry(names::look(place)).or_insert((place, frame));
+            if other != place {
+                return Err(DatasetError::LookAlike {
+                    left: names::spelled(other),
+                    right: names::spelled(place),
+                    left_origin: origin(other_frame),
+                    right_origin: origin(frame),
+                });
+            }
+        }
+        Ok(())
     }
 
     /// Refuses frames of several kinds of camera together: a model knows one.

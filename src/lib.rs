@@ -6,30 +6,32 @@
 //!
 //! | group | modules | what |
 //! |---|---|---|
-//! | 1 | [`matrix`], [`image`] | rows of numbers, pixels |
-//! | 2 | [`simd`], [`labeled`] | fast loops over them; rows with the class of each |
-//! | 3 | [`camera`], [`plane`] | where pixels are valid; gray values at many scales |
-//! | 4 | [`detect`] | keypoints |
-//! | 5 | [`describe`] | keypoints to descriptors |
-//! | 6 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
-//! | 7 | [`filter`] | probabilities of frames to the room of a stream |
-//! | 8 | [`model`] | the whole pipeline: train, recognize, the file |
-//! | 9 | [`repository`] | which versions of which models there are, on a disk or in a bucket |
-//! | 10 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 11 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
-//! | 12 | [`experiment`] | the experiments of the papers |
-//! | 13 | [`protocol`] | what travels between robots and the service |
-//! | 14 | [`client`], [`server`] | a client of the HTTP service, the service |
-//! | 15 | [`cli`] | the commands |
+//! | 1 | [`matrix`] | rows of numbers |
+//! | 2 | [`simd`], [`labeled`] | fast loops over numbers and pixels; rows with the class of each |
+//! | 3 | [`image`] | encoded frames to pixels |
+//! | 4 | [`camera`], [`plane`] | where pixels are valid; gray values at many scales |
+//! | 5 | [`detect`] | keypoints |
+//! | 6 | [`describe`] | keypoints to descriptors |
+//! | 7 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
+//! | 8 | [`filter`] | probabilities of frames to the room of a stream |
+//! | 9 | [`model`] | the whole pipeline: train, recognize, the file |
+//! | 10 | [`repository`] | which versions of which models there are, on a disk or in a bucket |
+//! | 11 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
+//! | 12 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
+//! | 13 | [`experiment`] | the experiments of the papers |
+//! | 14 | [`protocol`] | what travels between robots and the service |
+//! | 15 | [`client`], [`server`] | a client of the HTTP service, the service |
+//! | 16 | [`cli`] | the commands |
 //!
-//! Groups 1 to 8 are the recognition core. They know no async, no HTTP, no clock and no hidden
+//! Groups 1 to 9 are the recognition core. They know no async, no HTTP, no clock and no hidden
 //! randomness: seeds are arguments.
 
-pub mod image;
 pub mod matrix;
 
 pub mod labeled;
 pub mod simd;
+
+pub mod image;
 
 pub mod camera;
 pub mod plane;

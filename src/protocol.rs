@@ -7,9 +7,13 @@
 //! | [`header`] | the optional header of a streamed frame |
 //! | [`event`] | what dashboards are told |
 //! | [`oip`] | the Open Inference Protocol |
+//! | [`base64_text`] | frames in JSON, as people's libraries write them |
+//! | [`object`] | JSON objects that are nothing else |
 
+pub mod base64_text;
 pub mod event;
 pub mod header;
+pub mod object;
 pub mod oip;
 pub mod rest;
 pub mod stream;

@@ -11,12 +11,14 @@
 //! |---|---|
 //! | `name` | how models and versions are called |
 //! | `record`, `change` | what is to serve, and what may be wanted instead |
+//! | `default` | which model answers requests that name none |
 //! | `folder`, `bucket`, `single` | the kinds of repositories |
 //! | `fingerprint` | whether files are those that they were |
-//! | `package` | a version as one body, to be uploaded |
+//! | `package` | a version as one body, to be uploaded; see there |
 
 mod bucket;
 mod change;
+mod default;
 mod fingerprint;
 mod folder;
 mod name;
@@ -26,16 +28,17 @@ mod single;
 
 pub use bucket::Bucket;
 pub use change::{Change, Role};
+pub use default::DefaultModel;
 pub use fingerprint::Fingerprint;
 pub use folder::Folder;
-pub use name::{VersionId, is_name};
+pub use name::{MAX_VERSION, VersionId, is_name, version_number};
 pub use record::{Canary, Record, RecordError};
 pub use single::Single;
 
 use crate::model::MODEL_FILE;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
-use std::io;
+use std::io::{self, ErrorKind};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -47,7 +50,7 @@ pub enum Repository {
     /// A folder of many.
     Folder(Folder),
     /// A bucket, or a part of it.
-    Bucket(Bucket),
+    Bucket(Box<Bucket>),
 }
 
 /// What there is in a repository at one time.
@@ -57,6 +60,8 @@ pub struct Scan {
     pub models: BTreeMap<String, Listing>,
     /// What lies there and is no version, each with the reason.
     pub foreign: BTreeSet<String>,
+    /// The model of requests that name none, where that was said.
+    pub default: Option<DefaultModel>,
 }
 
 /// What there is of one model.
@@ -82,9 +87,12 @@ pub enum RepositoryError {
     /// A name that could lead elsewhere.
     #[error(
         "{0:?} is no name of a model or version: names have letters, digits, - _ and dots inside, versions \
-         are whole numbers"
+         are whole numbers of at most {MAX_VERSION} without sign and leading zeros, such as 7"
     )]
     Name(String),
+    /// All numbers are used up.
+    #[error("no number is left above the highest version; give an unused one, as NAME/VERSION")]
+    NoNumber,
     /// It is not there.
     #[error("there is no version {0}")]
     NoVersion(VersionId),
@@ -112,6 +120,15 @@ pub enum RepositoryError {
         /// Its epoch.
         epoch: u64,
     },
+    /// Somebody else has said which model is the default.
+    #[error("{0} was made the default model meanwhile: look again, then decide")]
+    DefaultOvertaken(String),
+    /// Somebody else uploads it, or an upload of it broke off.
+    #[error(
+        "an upload of {0} to the bucket has begun and not ended: wait for it, choose another number, or remove \
+         what there is of it with `roomsight models delete {0}`"
+    )]
+    HalfUploaded(VersionId),
     /// A bucket that cannot be reached, or says no.
     #[error(
         "the bucket {location}: {reason}; AWS_ENDPOINT_URL, AWS_REGION and AWS_ACCESS_KEY_ID tell where it is and who asks"
@@ -140,18 +157,41 @@ pub enum RepositoryError {
     },
 }
 
+impl RepositoryError {
+    /// What the disk has said, in words that name no path, where it was the disk and callers may know.
+    pub fn disk_error(&self) -> Option<&'static str> {
+        match self {
+            Self::Io { source, .. } => disk_error(source),
+            _ => None,
+        }
+    }
+}
+
+/// What a disk says of a folder of models, in words that name no path; none where callers need not know.
+pub fn disk_error(error: &io::Error) -> Option<&'static str> {
+    match error.kind() {
+        ErrorKind::ReadOnlyFilesystem => Some("the folder of models can only be read"),
+        ErrorKind::PermissionDenied => Some("the service may not write into the folder of models"),
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => Some("no room is left in the folder of models"),
+        ErrorKind::NotFound => Some("the folder of models is not there"),
+        _ => None,
+    }
+}
+
 impl Repository {
     /// The repository at `location`: a folder `NAME/VERSION/`, one model's own folder, or a bucket
     /// `s3://bucket/prefix`, whose versions are kept in the folder `cache`. What an interrupted upload left in
     /// a folder is removed.
     pub fn open(location: &str, cache: &Path) -> Result<Self, RepositoryError> {
         if location.starts_with(bucket::SCHEME) {
-            return Ok(Self::Bucket(Bucket::open(location, cache)?));
+            return Ok(Self::Bucket(Box::new(Bucket::open(location, cache)?)));
         }
         let unreadable = |source| RepositoryError::Unreadable { location: location.into(), source };
-        let folder = Path::new(location).canonicalize().map_err(unreadable)?;
+        // Links in it are followed anew each time: they may lead elsewhere then.
+        let folder = std::path::absolute(location).map_err(unreadable)?;
+        let real = folder.canonicalize().map_err(unreadable)?;
         if folder.join(MODEL_FILE).is_file() {
-            return Ok(Self::Single(Single::new(folder)));
+            return Ok(Self::Single(Single::new(folder, &real)));
         }
         Ok(Self::Folder(Folder::open(folder)?))
     }
@@ -220,6 +260,25 @@ impl Repository {
             Self::Bucket(bucket) => bucket.write_record(name, record),
         }
     }
+
+    /// The model of requests that name none, where that was said.
+    pub fn default_model(&self) -> Result<Option<DefaultModel>, RepositoryError> {
+        match self {
+            Self::Single(_) => Ok(None),
+            Self::Folder(folder) => folder.default_model(),
+            Self::Bucket(bucket) => bucket.default_model(),
+        }
+    }
+
+    /// Says which model answers requests that name none, one or more epochs later than what was said. When this
+    /// returns it is on the disk.
+    pub fn write_default(&self, default: &DefaultModel) -> Result<(), RepositoryError> {
+        match self {
+            Self::Single(single) => Err(single.read_only()),
+            Self::Folder(folder) => folder.write_default(default),
+            Self::Bucket(bucket) => bucket.write_default(default),
+        }
+    }
 }
 
 /// Whether a record may take the place of the one that is there.
@@ -228,6 +287,17 @@ fn check_later(name: &str, record: &Record, current: &Record) -> Result<(), Repo
         return Ok(());
     }
     Err(RepositoryError::Overtaken { name: name.to_owned(), epoch: current.epoch })
+}
+
+/// Whether a default may take the place of the one that is there.
+fn check_default_later(
+    default: &DefaultModel,
+    current: Option<&DefaultModel>,
+) -> Result<(), RepositoryError> {
+    match current.filter(|current| current.epoch >= default.epoch) {
+        Some(current) => Err(RepositoryError::DefaultOvertaken(current.model.clone())),
+        None => Ok(()),
+    }
 }
 
 fn io_error(path: &Path) -> impl Fn(io::Error) -> RepositoryError {

@@ -12,12 +12,14 @@
     reason = "calling a function compiled for more than the baseline instruction set is unsafe"
 )]
 
+mod dct;
 mod fast;
 mod hessian;
 mod nearest;
 mod pattern;
 mod plane;
 
+pub use dct::{BLOCKS, BlockGroup, inverse_dct};
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
 pub use nearest::{ONE_PRODUCT, UnitColumns, UnitRows, largest_products, nearest_columns};

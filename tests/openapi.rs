@@ -4,9 +4,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
-use roomsight::protocol::stream::{ClientMessage, ServerMessage};
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use roomsight::filter::Trust;
+use roomsight::image::{Image, Limits};
+use roomsight::protocol::stream::{ClientMessage, FilterSettings, ServerMessage};
 use serde::Serialize;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::fs;
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/");
@@ -83,7 +87,7 @@ fn every_call_says_what_can_go_wrong() {
         for (status, response) in responses.iter().filter(|(status, _)| status.as_str() >= "400") {
             assert_eq!(response["content"][media_type]["schema"]["$ref"], schema, "{name} {status}");
         }
-        let needs_key = operation.get("security").is_some();
+        let needs_key = !operation["security"].as_array().unwrap().is_empty();
         let of_v2 = name.contains("/v2") && !name.contains("/health/");
         assert_eq!(needs_key, name.contains("/v1/") || of_v2 || name.ends_with("/metrics"), "{name}");
         assert_eq!(needs_key, responses.contains_key("401") && responses.contains_key("403"), "{name}");
@@ -93,6 +97,51 @@ fn every_call_says_what_can_go_wrong() {
     {
         assert!(recognize.get(status).is_some(), "{status}");
     }
+}
+
+#[test]
+fn generators_find_what_they_need() {
+    let document = parsed();
+    assert_eq!(document["servers"][0]["url"], "/");
+    let mut ids: Vec<String> = Vec::new();
+    for (name, operation) in operations(&document) {
+        let id = operation["operationId"].as_str().unwrap().to_owned();
+        assert!(!ids.contains(&id), "{name}: {id} is the id of another call too");
+        ids.push(id);
+        let schemes = [json!([]), json!([{"key": []}]), json!([{"key": []}, {"session": []}])];
+        assert!(schemes.contains(&operation["security"]), "{name}");
+        for field in ["summary", "description"] {
+            assert!(operation[field].as_str().is_some_and(|text| !text.is_empty()), "{name}: {field}");
+        }
+    }
+    assert!(document["components"]["securitySchemes"]["key"].is_object());
+}
+
+#[test]
+fn the_frame_of_the_examples_is_one() {
+    let schemas = &parsed()["components"]["schemas"];
+    let infer = &schemas["InferRequest"]["example"]["inputs"][0]["data"][0];
+    assert_eq!(schemas["FrameJson"]["example"]["frame"], *infer);
+    let bytes = BASE64_STANDARD.decode(infer.as_str().unwrap()).unwrap();
+    let image = Image::decode(&bytes, &Limits::default()).unwrap();
+    assert_eq!((image.width(), image.height()), (16, 16));
+}
+
+#[test]
+fn the_filters_default_and_range_are_told_as_they_are() {
+    let document: Value = serde_json::from_str(&stream_document()).unwrap();
+    let default = FilterSettings::default();
+    let trust = &document["components"]["schemas"]["FilterSettings"]["properties"]["trust"];
+    assert_eq!(
+        (trust["default"].as_f64(), trust["maximum"].as_f64()),
+        (Some(default.trust.into()), Some(Trust::MAX.into()))
+    );
+    let hello = &document["channels"]["stream"]["messages"]["server"]["examples"][0]["payload"];
+    assert_eq!(hello["settings"]["filter"], serde_json::to_value(default).unwrap());
+    let python = concat!(env!("CARGO_MANIFEST_DIR"), "/clients/python/src/roomsight/messages.py");
+    let python = fs::read_to_string(python).unwrap();
+    assert!(python.contains(&format!("above 0 to {:.0}:", Trust::MAX)), "the range in messages.py");
+    assert!(python.contains(&format!("has {:.1}.", default.trust)), "the default in messages.py");
 }
 
 #[test]

@@ -85,7 +85,12 @@ fn check_upload(body: &[u8]) {
     let (file, into) = (place.path().join("body"), place.path().join("into"));
     fs::write(&file, body).expect("room for a small file");
     fs::create_dir(&into).expect("room for a folder");
-    let limits = package::Limits { max_entries: 16, max_model_bytes: 1 << 20, max_side_file_bytes: 1 << 18 };
+    let limits = package::Limits {
+        max_entries: 16,
+        max_bytes: 4 << 20,
+        max_model_bytes: 1 << 20,
+        max_side_file_bytes: 1 << 18,
+    };
     let unpacked = package::unpack(&file, &into, &limits);
     assert_eq!(names(place.path()), ["body", "into"]);
     for name in names(&into) {

@@ -13,14 +13,23 @@ use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// Problems that are listed one by one; more are counted.
-const N_LISTED_PROBLEMS: usize = 5;
+/// Kinds of problems that get a line each; more are counted.
+const N_LISTED_KINDS: usize = 10;
+
+/// The most that `--max-pixels` takes.
+const MAX_PIXELS: u64 = 4_000_000_000;
+
+/// The longest side of a frame: what JPEG allows.
+const MAX_SIDE: u32 = 65_535;
+
+/// Bytes a pixel that decoding takes at most: samples of 16 bits with their transparency, and luma.
+const MEMORY_PER_PIXEL: u64 = 10;
 
 /// Which frames of a data set to take.
 #[derive(Args)]
 pub(super) struct DataArgs {
-    /// Labeled frames: a folder with a folder for each room, a frames.csv with the columns file and place,
-    /// or sequences of the COLD database
+    /// Labeled frames: a folder with a folder for each room (or with train, val, ... and the rooms in them), a
+    /// frames.csv with the columns file and place, or sequences of the COLD database
     pub data: PathBuf,
     /// Take the frames of this camera [default: the only one there is; perspective for a folder a room]
     #[arg(long, value_enum)]
@@ -28,9 +37,36 @@ pub(super) struct DataArgs {
     /// Take the sequences whose names match, such as '*cloudy1,*night?' [default: all]
     #[arg(long, value_name = "PATTERNS")]
     sequences: Option<String>,
-    /// Take the frames that frames.csv has in this split, such as train [default: all]
+    /// Take the frames of this split, such as train: a column of frames.csv, or a folder [default: all]
     #[arg(long)]
     split: Option<String>,
+}
+
+/// How large frames may be.
+#[derive(Args)]
+pub(super) struct LimitArgs {
+    /// The most pixels that are decoded of a frame; JPEGs of more are decoded at a half, a quarter or an
+    /// eighth of their size
+    #[arg(long, value_name = "N", default_value_t = Limits::default().max_pixels)]
+    #[arg(value_parser = clap::value_parser!(u64).range(1..=MAX_PIXELS))]
+    max_pixels: u64,
+    /// The longest file of a frame, in bytes
+    #[arg(long, value_name = "N", default_value_t = Limits::default().max_bytes, value_parser = at_least(1))]
+    max_bytes: usize,
+}
+
+impl LimitArgs {
+    /// Limits that agree: as many pixels as are allowed are within the others too.
+    pub(super) fn limits(&self) -> Limits {
+        let defaults = Limits::default();
+        Limits {
+            max_bytes: self.max_bytes,
+            max_pixels: self.max_pixels,
+            max_side: MAX_SIDE,
+            max_memory: defaults.max_memory.max(self.max_pixels * MEMORY_PER_PIXEL),
+            ..defaults
+        }
+    }
 }
 
 /// A camera on the command line.
@@ -55,15 +91,13 @@ impl From<CameraName> for CameraKind {
 }
 
 impl DataArgs {
-    /// Opens the data set, takes the frames asked for, and reports what is wrong with the rest. Where no
-    /// camera is asked for it is `default_camera`, if there is one.
-    pub(super) fn open(&self, default_camera: Option<CameraKind>) -> anyhow::Result<Dataset> {
-        let mut dataset = dataset::open(&self.data)?;
-        report(&dataset.problems);
-        if dataset.n_unlabeled > 0 {
-            eprintln!("{} frames have no room and are left out", dataset.n_unlabeled);
-        }
-        if let Some(camera) = self.camera.map(CameraKind::from).or(default_camera) {
+    /// Opens the data set, takes the frames asked for, and reports what is wrong with the rest. For a model
+    /// that is there already, its rooms are known, and its camera is taken where none is asked for.
+    pub(super) fn open(&self, model: Option<&Model>) -> anyhow::Result<Dataset> {
+        let mut dataset = dataset::open_for(&self.data, model.map_or(&[], Model::places))?;
+        report_all(&dataset);
+        let model_camera = model.map(|model| model.camera().projection.kind());
+        if let Some(camera) = self.camera.map(CameraKind::from).or(model_camera) {
             dataset = dataset.with_camera(camera)?;
         }
         if let Some(patterns) = &self.sequences {
@@ -149,35 +183,34 @@ impl ConfigArgs {
     }
 
     /// The camera of checked frames; the mirror of an omnidirectional one is found in them.
-    pub(super) fn camera(&self, dataset: &Dataset) -> anyhow::Result<Camera> {
+    pub(super) fn camera(&self, dataset: &Dataset, limits: &Limits) -> anyhow::Result<Camera> {
         let kind = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
         let projection = match kind {
             CameraKind::Perspective => Projection::Perspective,
             CameraKind::Equirectangular => Projection::Equirectangular,
             CameraKind::Omnidirectional => {
-                let mirror = dataset.find_mirror(&Limits::default()).context(
+                let mirror = dataset.find_mirror(limits).context(
                     "no mirror was found in the frames: take frames of one size, from a robot that moves",
                 )?;
                 Projection::Omnidirectional(mirror)
             }
         };
-        let mask = self.mask.as_ref().map(|path| read_image(path).map(Mask::new)).transpose()?;
+        let mask = self.mask.as_ref().map(|path| read_image(path, limits).map(Mask::new)).transpose()?;
         Ok(Camera { projection, mask })
     }
 }
 
-/// Reads an image file within the default limits.
-pub(super) fn read_image(path: &Path) -> anyhow::Result<Image> {
+/// Reads an image file within limits.
+pub(super) fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> {
     if path.is_dir() {
         bail!("{} is a folder, not an image: name the files in it", path.display());
     }
-    let limits = Limits::default();
     let mut bytes = Vec::new();
     File::open(path)
         // One byte more than is taken, so that a longer file is refused and not cut.
         .and_then(|file| file.take(limits.max_bytes as u64 + 1).read_to_end(&mut bytes))
         .with_context(|| path.display().to_string())?;
-    Image::decode(&bytes, &limits).with_context(|| path.display().to_string())
+    Image::decode(&bytes, limits).with_context(|| path.display().to_string())
 }
 
 /// Loads the model in a folder.
@@ -190,14 +223,55 @@ pub(super) fn at_least(least: u64) -> RangedU64ValueParser<usize> {
     RangedU64ValueParser::new().range(least..)
 }
 
-/// Describes all frames behind a progress bar and reports those that cannot be read.
-pub(super) fn describe(dataset: &Dataset, extractor: &Extractor) -> anyhow::Result<Described> {
+/// Describes all frames behind a progress bar and reports those that cannot be read, and copies.
+pub(super) fn describe(
+    dataset: &Dataset,
+    extractor: &Extractor,
+    limits: &Limits,
+) -> anyhow::Result<Described> {
+    let described = some(describe_all(dataset, extractor, limits), dataset)?;
+    let copies: Vec<Problem> = described.copies(dataset).into_iter().map(|copied| copied.problem).collect();
+    report("note", &copies);
+    Ok(described)
+}
+
+/// The same for training, which leaves copies out: one that is trained makes the rate of one that is held out
+/// look too good.
+pub(super) fn describe_to_train(
+    dataset: &Dataset,
+    extractor: &Extractor,
+    limits: &Limits,
+) -> anyhow::Result<Described> {
+    some(describe_all(dataset, extractor, limits).without_copies(dataset), dataset)
+}
+
+/// The same to answer frames with a model that was trained on `trained`, which are left out.
+pub(super) fn describe_to_answer(
+    dataset: &Dataset,
+    extractor: &Extractor,
+    limits: &Limits,
+    trained: &Described,
+) -> anyhow::Result<Described> {
+    some(describe_all(dataset, extractor, limits).without_trained(dataset, trained), dataset)
+}
+
+fn describe_all(dataset: &Dataset, extractor: &Extractor, limits: &Limits) -> Described {
     let bar = output::progress("describing frames", dataset.frames.len());
-    let described = dataset.describe(extractor, &Limits::default(), || bar.inc(1));
+    let described = dataset.describe(extractor, limits, || bar.inc(1));
     bar.finish_and_clear();
-    report(&described.problems);
+    described
+}
+
+/// Tells what was left out, refuses to go on without any sample, and names the rooms that are left without one.
+fn some(described: Described, dataset: &Dataset) -> anyhow::Result<Described> {
+    report("note", &described.notes);
+    report("left out", &described.problems);
     if described.samples.is_empty() {
-        bail!("none of the {} frames can be read", dataset.frames.len());
+        bail!("none of the {} frames can be used; why is told above", dataset.frames.len());
+    }
+    let usable: BTreeSet<&str> = described.samples.iter().map(|sample| sample.place.as_str()).collect();
+    for place in dataset.places().iter().filter(|place| !usable.contains(place.as_str())) {
+        eprintln!("left out: the room {place}: none of its frames can be used");
     }
     Ok(described)
 }
@@ -207,12 +281,25 @@ pub(super) fn is_simulated(data: &Path) -> bool {
     data.ancestors().any(|folder| folder.join(crate::simulate::MARKER_FILE).is_file())
 }
 
-pub(super) fn report(problems: &[Problem]) {
-    for problem in problems.iter().take(N_LISTED_PROBLEMS) {
-        eprintln!("left out: {problem}");
+/// Tells on standard error what a data set leaves out and what is odd about it.
+pub(super) fn report_all(dataset: &Dataset) {
+    report("note", &dataset.notes);
+    report("left out", &dataset.problems);
+    if dataset.n_unlabeled > 0 {
+        eprintln!("left out: frames that are listed without a room: {}", dataset.n_unlabeled);
     }
-    if problems.len() > N_LISTED_PROBLEMS {
-        eprintln!("left out: {} more", problems.len() - N_LISTED_PROBLEMS);
+}
+
+/// A line for each kind of problem.
+fn report(what: &str, problems: &[Problem]) {
+    let kinds = dataset::by_kind(problems);
+    let (listed, others) = kinds.split_at(kinds.len().min(N_LISTED_KINDS));
+    for kind in listed {
+        eprintln!("{what}: {kind}");
+    }
+    if !others.is_empty() {
+        let n_problems: usize = others.iter().map(|kind| kind.n_problems).sum();
+        eprintln!("{what}: {n_problems} more, for {} other reasons", others.len());
     }
 }
 

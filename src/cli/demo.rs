@@ -97,7 +97,7 @@ impl Files {
 
 async fn show(args: &DemoArgs, files: Files) -> anyhow::Result<()> {
     // Before the work, so that an address that is taken is told at once.
-    let listener = serve::listen(args.listen.unwrap_or(default_address(args.exit))).await?;
+    let listener = serve::listen(args.listen.unwrap_or(default_address(args.exit)))?;
     let url = format!("http://{}", listener.local_addr()?);
     let to_prepare = files.clone();
     match unless_stopped(spawn_blocking(move || prepare(&to_prepare))).await {

@@ -2,7 +2,7 @@
 
 mod stream;
 
-use super::data::{self, DataArgs};
+use super::data::{self, DataArgs, LimitArgs};
 use super::output::{self, say};
 use crate::dataset::Described;
 use crate::evaluate::Evaluation;
@@ -29,6 +29,8 @@ pub(super) struct EvaluateArgs {
     model: PathBuf,
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// Also follow each sequence with a Bayes filter over the rooms, as the service follows a stream of
     /// frames; several amounts of trust in a single frame, such as --filter=0.5,1,2, get a line each
     /// [default: the filter's own]
@@ -46,6 +48,8 @@ struct Report {
     simulated: bool,
     /// Frames of rooms that the model does not know.
     n_of_unknown_rooms: usize,
+    /// Those rooms, sorted.
+    unknown_rooms: Vec<String>,
     evaluation: Evaluation,
     /// The same for each sequence, by name.
     by_sequence: BTreeMap<String, Evaluation>,
@@ -57,15 +61,15 @@ struct Report {
 /// Answers all frames and prints the rates.
 pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     let model = data::load_model(&args.model)?.model;
-    let dataset = args.data.open(Some(model.camera().projection.kind()))?;
+    let dataset = args.data.open(Some(&model))?;
     if dataset.frames.is_empty() {
-        bail!("{} holds no labeled frame", args.data.data.display());
+        bail!("{} holds no labeled frame that can be used", args.data.data.display());
     }
     if args.filter.is_some() {
         stream::check(&dataset)?;
     }
     let extractor = Extractor::new(model.config(), model.camera().clone());
-    let described = data::describe(&dataset, &extractor)?;
+    let described = data::describe(&dataset, &extractor, &args.limits.limits())?;
     let answers: Vec<Answered> = (0..described.samples.len())
         .map(|sample_idx| validate::answer(&model, &described.samples, sample_idx))
         .collect();
@@ -81,6 +85,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         model: args.model.clone(),
         simulated: data::is_simulated(&args.data.data),
         n_of_unknown_rooms: described.samples.iter().filter(|sample| !known.contains(&sample.place)).count(),
+        unknown_rooms: dataset.places().into_iter().filter(|place| !known.contains(place)).collect(),
         evaluation: evaluate(&answers),
         by_sequence: by_sequence.map(|(name, answers)| (name, evaluate(&answers))).collect(),
         streams,
@@ -121,7 +126,8 @@ fn print(report: &Report) -> io::Result<()> {
     }
     output::print_evaluation(&report.evaluation)?;
     if report.n_of_unknown_rooms > 0 {
-        say!("\nFrames of rooms that the model does not know: {}", report.n_of_unknown_rooms)?;
+        let (n_frames, rooms) = (report.n_of_unknown_rooms, report.unknown_rooms.join(", "));
+        say!("\nFrames of rooms that the model does not know: {n_frames} ({rooms})")?;
     }
     if let Some(streams) = &report.streams {
         stream::print(streams)?;

@@ -72,7 +72,7 @@ impl Selection {
 pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
     let mut config = args.config.read()?;
     let dataset = dataset::open(&args.data)?;
-    data::report(&dataset.problems);
+    data::report_all(&dataset);
     if dataset.frames.is_empty() {
         dataset.check()?;
     }

@@ -5,7 +5,7 @@ use super::output::{self, say};
 use crate::camera::{Camera, CameraKind, Projection};
 use crate::describe::Descriptor;
 use crate::detect::Keypoint;
-use crate::image::Image;
+use crate::image::{Image, Limits};
 use crate::model::{Extractor, LoadedModel, Scratch};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
@@ -95,7 +95,7 @@ fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
         }
         None => (args.config.read()?, Camera::new(projection(args.camera.into())?)),
     };
-    let image = data::read_image(path)?;
+    let image = data::read_image(path, &Limits::default().enough_for(config.longest_side))?;
     let features = Extractor::new(&config, camera.clone()).extract(&image, &mut Scratch::default());
     let working = image.shrink_to(config.longest_side).unwrap_or(image);
     let picture = picture(&working, &camera, &features.keypoints, &config.descriptor);

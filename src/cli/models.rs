@@ -6,6 +6,7 @@ mod print;
 pub(super) use local::Local;
 
 use super::output::say;
+use super::service::ServiceArgs;
 use crate::client::Client;
 use crate::protocol::rest::{LabelJson, ModelInfo, VersionInfo};
 use crate::repository::package::pack;
@@ -14,6 +15,7 @@ use anyhow::{Context, bail};
 use clap::{Args, Subcommand, ValueEnum};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 use tokio::runtime::Runtime;
 
 /// Show and change which models there are and which serve
@@ -39,9 +41,8 @@ struct PlaceArgs {
     /// A running service, instead of a repository, such as http://127.0.0.1:8080
     #[arg(long, global = true, value_name = "URL", conflicts_with = "models")]
     url: Option<String>,
-    /// A key of the service
-    #[arg(long, global = true, value_name = "KEY", env = "ROOMSIGHT_KEY", hide_env_values = true)]
-    key: Option<String>,
+    #[command(flatten)]
+    service: ServiceArgs,
 }
 
 /// A repository.
@@ -75,8 +76,8 @@ enum ModelsCommand {
     },
     /// Add a version: it is tried first, and never changes after
     Push {
-        /// The model's folder, as train writes it
-        folder: PathBuf,
+        /// The model's folder, as train writes it, or a tar, tar.gz or zip of it
+        model: PathBuf,
         /// NAME, for the next number, or NAME/VERSION
         target: Target,
     },
@@ -108,6 +109,12 @@ enum ModelsCommand {
         id: VersionId,
         #[command(flatten)]
         expected: Expected,
+    },
+    /// Let a model answer requests that name none, from now on
+    Default {
+        /// The model
+        #[arg(value_parser = name)]
+        name: String,
     },
     /// Try a version on a share of the robots (canary), or beside the stable one (shadow)
     Label(LabelArgs),
@@ -173,8 +180,8 @@ pub(super) fn run(args: &ModelsArgs) -> anyhow::Result<()> {
             let id = VersionId::new(name, *version);
             tell(json, &place.version(&id)?, |version| print::version(&id, version))
         }
-        ModelsCommand::Push { folder, target } => {
-            let id = place.push(folder, target)?;
+        ModelsCommand::Push { model, target } => {
+            let id = place.push(model, target)?;
             tell_done(json, &id, "is there; `models list` tells whether it serves, `models activate` lets it")
         }
         ModelsCommand::Activate { id, expected } => {
@@ -191,20 +198,23 @@ pub(super) fn run(args: &ModelsArgs) -> anyhow::Result<()> {
             place.delete(id, expected.epoch)?;
             tell_done(json, id, "is gone")
         }
+        ModelsCommand::Default { name } => tell(json, &place.set_default(name)?, |model| {
+            Ok(say!("{} answers requests that name no model", model.name)?)
+        }),
         ModelsCommand::Label(args) => tell(json, &place.label(args)?, print::model),
     }
 }
 
 impl Place {
     fn open(args: &ModelsArgs) -> anyhow::Result<Self> {
-        let PlaceArgs { repository, url, key } = &args.place;
+        let PlaceArgs { repository, url, service } = &args.place;
         let Some(url) = url else {
             let adds = matches!(args.command, ModelsCommand::Push { .. });
             let open = if adds { Local::open_to_add } else { Local::open };
             return Ok(Self::Local(open(&repository.models, &repository.cache.models_cache)?));
         };
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build()?;
-        Ok(Self::Service(Client::new(url, key.as_deref())?, runtime))
+        Ok(Self::Service(service.client(url)?, runtime))
     }
 
     fn list(&self) -> anyhow::Result<Vec<ModelInfo>> {
@@ -228,18 +238,17 @@ impl Place {
         }
     }
 
-    fn push(&self, folder: &Path, Target { name, version }: &Target) -> anyhow::Result<VersionId> {
+    fn push(&self, model: &Path, Target { name, version }: &Target) -> anyhow::Result<VersionId> {
         match self {
-            Self::Local(local) => local.push(folder, name, *version),
+            Self::Local(local) => local.push(model, name, *version),
             Self::Service(client, runtime) => {
-                let mut body = Vec::new();
-                pack(folder, &mut body).with_context(|| folder.display().to_string())?;
-                let next = || -> anyhow::Result<u64> {
+                let body = body_of(model).with_context(|| model.display().to_string())?;
+                let next = || -> anyhow::Result<VersionId> {
                     let models = runtime.block_on(client.models())?.models;
                     let highest = models.iter().find(|model| model.name == *name).map(highest_version);
-                    Ok(highest.unwrap_or(0) + 1)
+                    Ok(VersionId::after(name, highest.unwrap_or(0))?)
                 };
-                let id = VersionId::new(name, version.map_or_else(next, Ok)?);
+                let id = version.map_or_else(next, |version| Ok(VersionId::new(name, version)))?;
                 runtime.block_on(client.upload(&id, body))?;
                 Ok(id)
             }
@@ -257,6 +266,13 @@ impl Place {
         match self {
             Self::Local(local) => local.change(name, Change::Rollback, epoch),
             Self::Service(client, runtime) => Ok(runtime.block_on(client.rollback(name, epoch))?),
+        }
+    }
+
+    fn set_default(&self, name: &str) -> anyhow::Result<ModelInfo> {
+        match self {
+            Self::Local(local) => local.set_default(name),
+            Self::Service(client, runtime) => Ok(runtime.block_on(client.set_default(name))?),
         }
     }
 
@@ -334,7 +350,7 @@ impl std::str::FromStr for Target {
             return Ok(Self { name: text.to_owned(), version: None });
         }
         let VersionId { name, version } =
-            text.parse().map_err(|_| "give NAME or NAME/VERSION, such as lab/3".to_owned())?;
+            text.parse().map_err(|error| format!("give NAME or NAME/VERSION, such as lab/3: {error}"))?;
         Ok(Self { name, version: Some(version) })
     }
 }
@@ -343,6 +359,16 @@ impl std::str::FromStr for Target {
 pub(super) fn name(text: &str) -> Result<String, String> {
     let wrong = || "a name has letters, digits, - _ and dots inside".to_owned();
     is_name(text).then(|| text.to_owned()).ok_or_else(wrong)
+}
+
+/// What is uploaded of a model's folder, or of an archive of it: that is read by the service.
+fn body_of(model: &Path) -> io::Result<Vec<u8>> {
+    if model.is_file() {
+        return fs::read(model);
+    }
+    let mut body = Vec::new();
+    pack(model, &mut body)?;
+    Ok(body)
 }
 
 /// The highest version that a model has.

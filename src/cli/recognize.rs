@@ -1,6 +1,6 @@
 //! `roomsight recognize`: the room of single frames.
 
-use super::data;
+use super::data::{self, LimitArgs};
 use super::output::{self, say};
 use crate::model::{Model, Recognition, Scratch};
 use anyhow::bail;
@@ -16,6 +16,8 @@ pub(super) struct RecognizeArgs {
     /// Image files
     #[arg(required = true)]
     frames: Vec<PathBuf>,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// How many of the most probable rooms to print
     #[arg(long, default_value_t = 3, value_parser = data::at_least(1))]
     top: usize,
@@ -38,12 +40,18 @@ struct Line<'a> {
 /// Answers every frame that can be read; fails at the end when one could not.
 pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
     let model = data::load_model(&args.model)?.model;
+    let limits = args.limits.limits().enough_for(model.config().longest_side);
     let mut scratch = Scratch::default();
     let mut table = output::table(["frame", "room", "probability", "known", "keypoints", "others"]);
     let mut n_failed = 0;
     for path in &args.frames {
-        let recognition = match data::read_image(path) {
-            Ok(image) => model.recognize(&image, &mut scratch),
+        let recognition = match data::read_image(path, &limits) {
+            Ok(image) => {
+                if image.damaged_rows() > 0 {
+                    eprintln!("{}: {} rows are damaged or missing", path.display(), image.damaged_rows());
+                }
+                model.recognize(&image, &mut scratch)
+            }
             Err(error) => {
                 eprintln!("{}", output::explained(&error));
                 n_failed += 1;

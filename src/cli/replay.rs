@@ -15,6 +15,7 @@ pub(super) use report::GateFailed;
 use super::data::{self, DataArgs};
 use super::output::{self, say};
 use super::serve;
+use super::service::ServiceArgs;
 use crate::client::{Client, ClientError, Stream};
 use crate::dataset::Dataset;
 use crate::protocol::stream::{Configure, FilterChoice, Mode};
@@ -49,9 +50,8 @@ pub(super) struct ReplayArgs {
     /// The service
     #[arg(long, default_value = "http://127.0.0.1:8080")]
     url: String,
-    /// The key, where the service asks for one
-    #[arg(long, env = "ROOMSIGHT_KEY", hide_env_values = true)]
-    key: Option<String>,
+    #[command(flatten)]
+    service: ServiceArgs,
     /// The model that answers [default: the service's]
     #[arg(long, value_name = "NAME")]
     model: Option<String>,
@@ -152,7 +152,7 @@ enum Way {
 }
 
 async fn play(args: &ReplayArgs, dataset: Dataset, track: &Track) -> anyhow::Result<(Report, Tally)> {
-    let client = Client::new(&args.url, args.key.as_deref())?;
+    let client = args.service.client(&args.url)?;
     let places = dataset.places();
     // Connected before the clock runs.
     let way = connect(args, client.clone()).await.with_context(|| format!("cannot play to {}", args.url))?;

@@ -1,14 +1,22 @@
 //! `roomsight serve`: the HTTP service.
 
+use super::limits;
 use super::log;
 use super::output::say;
-use crate::server::{self, App, Settings};
+use crate::server::{self, App, ReloadError, Reloaded, Settings};
 use anyhow::{Context, bail};
 use clap::Args;
 use std::collections::HashMap;
+use std::convert::Infallible;
+use std::future::pending;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
-use tokio::net::TcpListener;
+use tokio::net::{TcpListener, TcpSocket};
+
+/// How many connections may wait to be accepted: a fleet that comes back at once. The system may allow fewer.
+const BACKLOG: u32 = 4096;
+/// The most bytes of answers that the system keeps for a caller who does not read, as far as it can be told.
+const SEND_BUFFER_BYTES: u32 = 256 << 10;
 
 /// Serve models over HTTP
 ///
@@ -23,7 +31,7 @@ pub(super) struct ServeArgs {
     /// Whether newer versions come to serve by themselves: latest or manual [default: latest]
     #[arg(long, value_parser = ["latest", "manual"])]
     policy: Option<String>,
-    /// The model of requests that name none [default: the first by name]
+    /// The model of requests that name none [default: the one that `models default` named]
     #[arg(long, value_name = "NAME")]
     model: Option<String>,
     /// Where to listen [default: 127.0.0.1:8080]
@@ -57,24 +65,53 @@ pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
         return Ok(());
     }
     let log = log::start(&settings)?;
-    let address = permitted_address(&settings)?;
-    let app = App::start(settings)?;
-    let runtime = tokio::runtime::Runtime::new()?;
-    let served = runtime.block_on(async {
-        let listener = listen(address).await?;
-        tracing::info!("listening on http://{0}, documentation at http://{0}/docs", listener.local_addr()?);
-        server::serve(app, listener, stop_signal()).await.context("the service failed")
-    });
-    // A model that is still being loaded is not waited for.
-    runtime.shutdown_background();
+    let served = serve(args, settings);
     log.end();
     served
 }
 
+fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
+    limits::raise_open_files(&settings);
+    let address = permitted_address(&settings)?;
+    let runtime = tokio::runtime::Runtime::new()?;
+    {
+        let _inside = runtime.enter();
+        limits::survive_large_files();
+    }
+    let app = App::start(settings)?;
+    let served = runtime.block_on(async {
+        let listener = listen(address)?;
+        let scheme = if app.speaks_tls() { "https" } else { "http" };
+        let url = format!("{scheme}://{}", listener.local_addr()?);
+        tracing::info!("listening on {url}, documentation at {url}/docs");
+        if !address.ip().is_loopback() && !app.speaks_tls() {
+            tracing::warn!(
+                "keys and frames can be read on their way to {address}: set `tls_certificate` and `tls_key`, \
+                 or let a proxy end TLS before the service"
+            );
+        }
+        tokio::select! {
+            served = server::serve(app.clone(), listener, stop_signal()) => served.context("the service failed"),
+            never = reload_when_told(&app, args) => match never {},
+        }
+    });
+    // A model that is still being loaded is not waited for.
+    runtime.shutdown_background();
+    served
+}
+
 /// Takes an address.
-pub(super) async fn listen(address: SocketAddr) -> anyhow::Result<TcpListener> {
-    let taken = || format!("cannot listen on {address}; choose another address with --listen");
-    TcpListener::bind(address).await.with_context(taken)
+pub(super) fn listen(address: SocketAddr) -> anyhow::Result<TcpListener> {
+    let listening = || {
+        let socket = if address.is_ipv4() { TcpSocket::new_v4() } else { TcpSocket::new_v6() }?;
+        // A service that starts again need not wait for connections of the one before.
+        #[cfg(unix)]
+        socket.set_reuseaddr(true)?;
+        socket.set_send_buffer_size(SEND_BUFFER_BYTES)?;
+        socket.bind(address)?;
+        socket.listen(BACKLOG)
+    };
+    listening().with_context(|| format!("cannot listen on {address}; choose another address with --listen"))
 }
 
 fn pair(text: &str) -> Result<(String, String), String> {
@@ -83,7 +120,7 @@ fn pair(text: &str) -> Result<(String, String), String> {
 }
 
 /// The environment; what is not Unicode is no setting.
-fn environment() -> impl Iterator<Item = (String, String)> {
+pub(super) fn environment() -> impl Iterator<Item = (String, String)> {
     std::env::vars_os()
         .filter_map(|(name, value)| Some((name.into_string().ok()?, value.into_string().ok()?)))
 }
@@ -119,12 +156,53 @@ fn permitted_address(settings: &Settings) -> anyhow::Result<SocketAddr> {
     Ok(address)
 }
 
+/// Reads keys and certificates again whenever the process is told to (SIGHUP), for ever.
+#[cfg(unix)]
+async fn reload_when_told(app: &App, args: &ServeArgs) -> Infallible {
+    use tokio::signal::unix::{SignalKind, signal};
+    // Where the signal cannot be had it ends the process, as ever.
+    let Ok(mut hangups) = signal(SignalKind::hangup()) else { return pending().await };
+    while hangups.recv().await.is_some() {
+        let fresh = Settings::load(args.config.as_deref(), environment(), flags(args));
+        match fresh.map_err(ReloadError::from).and_then(|fresh| app.reload(&fresh)) {
+            Ok(reloaded) => tell(&reloaded, args.config.is_some()),
+            Err(error) => tracing::error!(%error, "nothing is reloaded"),
+        }
+    }
+    pending().await
+}
+
+#[cfg(not(unix))]
+async fn reload_when_told(_: &App, _: &ServeArgs) -> Infallible {
+    pending().await
+}
+
+/// Tells the operator what a reload has done.
+#[cfg(unix)]
+fn tell(Reloaded { n_keys, tls, waiting }: &Reloaded, has_file: bool) {
+    if has_file {
+        tracing::info!(n_keys, "the keys are reloaded");
+    } else {
+        tracing::info!(
+            "no keys are reloaded: there is no file of settings (--config) that could have changed"
+        );
+    }
+    match tls {
+        Some(Ok(())) => tracing::info!("the certificate is reloaded"),
+        Some(Err(error)) => tracing::error!(%error, "the old certificate stays"),
+        None => {}
+    }
+    if !waiting.is_empty() {
+        tracing::warn!("changed, but takes a restart: {}", waiting.join(", "));
+    }
+}
+
 /// Ready when the process is told to stop.
 pub(super) async fn stop_signal() {
     let interrupt = async {
         // Where the signal cannot be had the service runs on.
         if tokio::signal::ctrl_c().await.is_err() {
-            std::future::pending::<()>().await;
+            pending::<()>().await;
         }
     };
     #[cfg(unix)]
@@ -134,11 +212,11 @@ pub(super) async fn stop_signal() {
             Ok(mut stream) => {
                 stream.recv().await;
             }
-            Err(_) => std::future::pending().await,
+            Err(_) => pending().await,
         }
     };
     #[cfg(not(unix))]
-    let terminate = std::future::pending::<()>();
+    let terminate = pending::<()>();
     tokio::select! {
         () = interrupt => {}
         () = terminate => {}

@@ -1,10 +1,13 @@
 //! `roomsight train`: labeled frames to a model folder.
 
-use super::data::{self, ConfigArgs, DataArgs};
+mod not_held_out;
+
+use super::data::{self, ConfigArgs, DataArgs, LimitArgs};
 use super::models::{self, CacheArgs, Local};
 use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Evaluation;
+use crate::image::{Image, Limits};
 use crate::model::{
     Addition, Card, Extractor, GoldenFrame, HeldOut, Measurement, Model, Sample, Training, TrainingStep,
 };
@@ -12,6 +15,7 @@ use crate::repository::VersionId;
 use crate::validate::{self, Answered};
 use anyhow::bail;
 use clap::Args;
+use not_held_out::NotHeldOut;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fs;
@@ -23,6 +27,12 @@ const N_GOLDEN_FRAMES: usize = 8;
 
 /// The longest frame that is kept so, in bytes.
 const MAX_GOLDEN_BYTES: u64 = 1 << 20;
+
+/// The longest name of a golden frame, in characters, which take up to 4 of a file name's 255 bytes.
+const MAX_FILE_NAME_LENGTH: usize = 48;
+
+/// The longest ending of a picture's name that is kept, in bytes.
+const MAX_ENDING_LENGTH: usize = 5;
 
 /// Up to here the default kernel answered held-out drives as well as without dropping (docs/RESULTS.md).
 const DEFAULT_FORGET: f64 = 0.7;
@@ -40,6 +50,8 @@ const DEFAULT_FORGET: f64 = 0.7;
 pub(super) struct TrainArgs {
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// New folder for the model
     #[arg(short, long, value_name = "MODEL", required_unless_present = "publish")]
     output: Option<PathBuf>,
@@ -81,6 +93,8 @@ struct Report {
     published: Option<String>,
     card: Card,
     held_out: Evaluation,
+    /// Why the other frames have no held-out answer.
+    not_held_out: Vec<NotHeldOut>,
 }
 
 /// A model whose card says what it was trained on, and the frames that it has just learned.
@@ -115,18 +129,29 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         None => dataset.transitions(model.places()),
     };
     let model = model.clone().with_card(card.clone()).with_transitions(transitions);
-    let golden = if args.no_golden_frames { Vec::new() } else { golden_frames(&model, dataset, described) };
+    let golden = if args.no_golden_frames {
+        Vec::new()
+    } else {
+        golden_frames(&model, &trained, &args.limits.limits())
+    };
     let (folder, published) = destination.take(&model, &golden)?;
+    let not_held_out = NotHeldOut::of(held_out, &described.samples, args.add.is_some());
 
     if args.json {
         let published = published.map(|id| id.to_string());
-        let report = Report { model: folder, published, card, held_out: evaluation };
+        let report = Report { model: folder, published, card, held_out: evaluation, not_held_out };
         say!("{}", serde_json::to_string_pretty(&report)?)?;
         return Ok(());
     }
     let frames = if card.simulated { "simulated frames" } else { "frames" };
     let when = if args.add.is_some() { ", given before they were learned" } else { "" };
     say!("Held-out answers to {} of {} {frames}{when}:\n", answers.len(), described.samples.len())?;
+    for NotHeldOut { reason, n_frames, rooms } in &not_held_out {
+        say!("  without one: {n_frames} {reason} ({})", rooms.join(", "))?;
+    }
+    if !not_held_out.is_empty() {
+        say!()?;
+    }
     output::print_evaluation(&evaluation)?;
     if args.add.is_some() {
         say!("\n{}", additions(&card.additions))?;
@@ -139,6 +164,12 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     say!("\n{ready} is ready. Try it:")?;
     say!("  {program} recognize {quoted} FRAME.jpg")?;
     say!("  {program} serve --models {models}")?;
+    if let Destination::Repository(repository, name) = &destination
+        && let Some(default) = repository.default_name()?.filter(|default| default != name)
+    {
+        say!("Requests that name no model are answered by {default}. To let {name} answer them:")?;
+        say!("  {program} models default {name} --models {models}")?;
+    }
     Ok(())
 }
 
@@ -180,8 +211,9 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
     let dataset = args.data.open(None)?;
     dataset.check()?;
     let config = args.config.read()?;
-    let camera = args.config.camera(&dataset)?;
-    let described = data::describe(&dataset, &Extractor::new(&config, camera.clone()))?;
+    let limits = args.limits.limits();
+    let camera = args.config.camera(&dataset, &limits)?;
+    let described = data::describe_to_train(&dataset, &Extractor::new(&config, camera.clone()), &limits)?;
     let samples: Vec<&Sample> = described.samples.iter().collect();
     let training = with_progress(|progress| Ok(Model::train(&samples, &config, camera, progress)?))?;
     let sequences = sequences(&dataset);
@@ -197,9 +229,11 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
 
 fn add_to(folder: &Path, args: &TrainArgs) -> anyhow::Result<Trained> {
     let model = data::load_model(folder)?.model;
-    let dataset = args.data.open(Some(model.camera().projection.kind()))?;
+    let dataset = args.data.open(Some(&model))?;
+    dataset.check_names(model.places())?;
     model.check_addition(sequences(&dataset))?;
-    let described = data::describe(&dataset, &Extractor::new(model.config(), model.camera().clone()))?;
+    let extractor = Extractor::new(model.config(), model.camera().clone());
+    let described = data::describe_to_train(&dataset, &extractor, &args.limits.limits())?;
     let samples: Vec<&Sample> = described.samples.iter().collect();
     let training = with_progress(|progress| Ok(model.add(&samples, args.forget, progress)?))?;
     Ok(Trained { training, dataset, described, held_out: "added sequences, before they were learned" })
@@ -261,27 +295,68 @@ fn share(text: &str) -> Result<f64, String> {
 }
 
 /// The middle frame of each room, up to [`N_GOLDEN_FRAMES`] rooms.
-fn golden_frames(model: &Model, dataset: &Dataset, described: &Described) -> Vec<GoldenFrame> {
-    let golden = |place: &String| {
+fn golden_frames(
+    model: &Model,
+    Trained { dataset, described, .. }: &Trained,
+    limits: &Limits,
+) -> Vec<GoldenFrame> {
+    // Whoever loads the model reads its frames within the default limits: it must see what training saw.
+    let looks_the_same = |bytes: &[u8]| {
+        let size = |limits: Limits| {
+            let image = Image::decode(bytes, &limits.enough_for(model.config().longest_side)).ok()?;
+            Some((image.width(), image.height()))
+        };
+        size(*limits) == size(Limits::default())
+    };
+    let golden = |(place_idx, place): (usize, &String)| {
         let of_place: Vec<usize> =
             (0..described.samples.len()).filter(|&idx| described.samples[idx].place == *place).collect();
         let sample_idx = *of_place.get(of_place.len() / 2)?;
         let path = &dataset.frames[described.frame_idxs[sample_idx]].path;
-        let extension = path.extension().map_or("jpg".into(), |extension| extension.to_string_lossy());
         let is_small = fs::metadata(path).is_ok_and(|metadata| metadata.len() <= MAX_GOLDEN_BYTES);
-        let bytes = fs::read(path).ok().filter(|_| is_small)?;
+        let bytes = fs::read(path).ok().filter(|bytes| is_small && looks_the_same(bytes))?;
         let answer = validate::answer(model, &described.samples, sample_idx);
         Some(GoldenFrame {
-            name: format!("{}.{extension}", file_name(place)),
+            name: golden_name(model.places(), place_idx, path),
             bytes,
             probability: answer.recognition.probability(),
             place: answer.place,
         })
     };
-    model.places().iter().take(N_GOLDEN_FRAMES).filter_map(golden).collect()
+    model.places().iter().enumerate().take(N_GOLDEN_FRAMES).filter_map(golden).collect()
 }
 
-/// A room's name as a file name.
+/// The name of the file with a room's golden frame: the room's as a file name, with a number where an earlier
+/// room has the same, and the ending of the picture, which may be missing or be no ending at all.
+fn golden_name(places: &[String], place_idx: usize, picture: &Path) -> String {
+    let name = file_name(&places[place_idx]);
+    let is_taken =
+        places[..place_idx].iter().any(|place| file_name(place).to_lowercase() == name.to_lowercase());
+    let ending = picture.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
+    let is_plain =
+        (1..=MAX_ENDING_LENGTH).contains(&ending.len()) && ending.chars().all(char::is_alphanumeric);
+    let ending = if is_plain { ending } else { "jpg" };
+    if is_taken { format!("{name}-{place_idx}.{ending}") } else { format!("{name}.{ending}") }
+}
+
+/// A room's name as a file name of every system.
 fn file_name(place: &str) -> String {
-    place.chars().map(|letter| if letter.is_alphanumeric() { letter } else { '_' }).collect()
+    let letters = place.chars().map(|letter| if letter.is_alphanumeric() { letter } else { '_' });
+    letters.take(MAX_FILE_NAME_LENGTH).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_room_has_a_golden_frame_of_its_own() {
+        let places = ["a b", "a/b", "a_B", "b", &"long".repeat(60)].map(str::to_owned);
+        let name = |place_idx, picture| golden_name(&places, place_idx, Path::new(picture));
+        assert_eq!(name(0, "1.jpeg"), "a_b.jpeg");
+        assert_eq!(name(1, "1.PNG"), "a_b-1.PNG");
+        assert_eq!(name(2, "1"), "a_B-2.jpg");
+        assert_eq!(name(3, "1.jpg (copy)"), "b.jpg");
+        assert_eq!(name(4, "1.jpg").len(), 52);
+    }
 }

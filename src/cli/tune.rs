@@ -1,6 +1,6 @@
 //! `roomsight tune`: parameters by cross-validation.
 
-use super::data::{self, ConfigArgs, DataArgs, FoldArgs};
+use super::data::{self, ConfigArgs, DataArgs, FoldArgs, LimitArgs};
 use super::output::{self, say};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, Described};
@@ -27,6 +27,8 @@ const MAX_CONFIGS: usize = 1000;
 pub(super) struct TuneArgs {
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// File for the best configuration, as TOML, for --config
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
@@ -72,7 +74,7 @@ pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
     let dataset = args.data.open(None)?;
     dataset.check()?;
     args.folds.check(&dataset)?;
-    let camera = args.config.camera(&dataset)?;
+    let camera = args.config.camera(&dataset, &args.limits.limits())?;
     let mut tuner = Tuner { args, dataset: &dataset, camera, described: None };
     let bar = output::progress("trying", configs.len());
     let mut tried = Vec::new();
@@ -147,7 +149,10 @@ impl Tuner<'_> {
     fn measure(&mut self, parameters: Vec<String>, config: Config) -> anyhow::Result<Tried> {
         let described = match self.described.take() {
             Some((before, described)) if before.extraction() == config.extraction() => described,
-            _ => data::describe(self.dataset, &Extractor::new(&config, self.camera.clone()))?,
+            _ => {
+                let extractor = Extractor::new(&config, self.camera.clone());
+                data::describe_to_train(self.dataset, &extractor, &self.args.limits.limits())?
+            }
         };
         let (_, described) = self.described.insert((config.clone(), described));
         let protocol = Protocol::Sequences(self.args.folds.folds);

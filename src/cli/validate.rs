@@ -1,6 +1,6 @@
 //! `roomsight validate`: how well a configuration does on a data set, over splits and seeds.
 
-use super::data::{self, ConfigArgs, DataArgs, FoldArgs};
+use super::data::{self, ConfigArgs, DataArgs, FoldArgs, LimitArgs};
 use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::{Evaluation, Summary};
@@ -20,6 +20,8 @@ use std::io;
 pub(super) struct ValidateArgs {
     #[command(flatten)]
     data: DataArgs,
+    #[command(flatten)]
+    limits: LimitArgs,
     /// How to split [default: sequences, unless a split is given]
     #[arg(long, value_enum, conflicts_with_all = ["train", "train_split"])]
     protocol: Option<ProtocolName>,
@@ -123,8 +125,9 @@ fn by_protocol(args: &ValidateArgs, config: &Config, dataset: &Dataset) -> anyho
     if let Protocol::Sequences(_) = protocol {
         args.folds.check(dataset)?;
     }
-    let camera = args.config.camera(dataset)?;
-    let described = data::describe(dataset, &Extractor::new(config, camera.clone()))?;
+    let limits = args.limits.limits();
+    let camera = args.config.camera(dataset, &limits)?;
+    let described = data::describe_to_train(dataset, &Extractor::new(config, camera.clone()), &limits)?;
     let rounds = |seed| validate::rounds(&described.samples, &protocol, seed);
     let bar = output::progress("training", args.folds.seeds as usize * rounds(0).len());
     let mut evaluations = Vec::new();
@@ -157,15 +160,16 @@ fn by_given_split(
             "{path} would train and be answered ({name}): choose sequences or splits without common frames"
         );
     }
-    let camera = args.config.camera(training)?;
+    let limits = args.limits.limits();
+    let camera = args.config.camera(training, &limits)?;
     let extractor = Extractor::new(config, camera.clone());
-    let trained_on = data::describe(training, &extractor)?;
+    let trained_on = data::describe_to_train(training, &extractor, &limits)?;
     let samples: Vec<&Sample> = trained_on.samples.iter().collect();
     let tests: Vec<Test> = tests
         .into_iter()
         .map(|(name, dataset)| {
             let dataset = dataset.with_camera(camera.projection.kind()).context("the test's camera")?;
-            let described = data::describe(&dataset, &extractor)?;
+            let described = data::describe_to_answer(&dataset, &extractor, &limits, &trained_on)?;
             Ok(Test { name, dataset, described })
         })
         .collect::<anyhow::Result<_>>()?;

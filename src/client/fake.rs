@@ -115,13 +115,20 @@ pub fn result(seq: u64, room: &str) -> ServerMessage {
         probabilities: vec![],
         model: model(),
         keypoints: 9,
+        damaged_rows: 0,
         timings_ms: TimingsMs { queue: 0.0, decode: 0.0, features: 0.0, classify: 0.0 },
         request_id: "fake".into(),
         robot: None,
         captured_at: None,
         evidence: None,
     };
-    ServerMessage::Result(Box::new(StreamResult { seq, answer, filtered: None, age_ms: Some(1.0) }))
+    ServerMessage::Result(Box::new(StreamResult {
+        seq,
+        answer,
+        filtered: None,
+        age_ms: Some(1.0),
+        notice: None,
+    }))
 }
 
 fn model() -> ModelName {
@@ -132,6 +139,7 @@ fn hello() -> Hello {
     Hello {
         protocol: SUBPROTOCOL.into(),
         session: "fake".into(),
+        stream: "known as fake".into(),
         resumed: false,
         next_seq: 0,
         settings: StreamSettings {
@@ -148,6 +156,7 @@ fn hello() -> Hello {
             max_frame_pixels: 1 << 20,
             window: 8,
             idle_timeout_ms: 1000,
+            message_timeout_ms: 1000,
             resume_ms: 1000,
         },
         modes: vec![Mode::Latest],

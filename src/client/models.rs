@@ -28,7 +28,7 @@ impl Client {
         read(self.http.get(self.endpoint(&version_path(id))).send().await?).await
     }
 
-    /// Adds a version: a body as [`crate::repository::package::pack`] makes it, or a model file.
+    /// Adds a version: a body as [`crate::repository::package::pack`] makes it, a tar.gz, a zip, or a model file.
     pub async fn upload(&self, id: &VersionId, body: Vec<u8>) -> Result<VersionInfo, ClientError> {
         let call = self.change(Method::PUT, &version_path(id), None);
         read(call.header(CONTENT_TYPE, "application/x-tar").body(body).send().await?).await
@@ -50,6 +50,12 @@ impl Client {
     pub async fn delete(&self, id: &VersionId, epoch: Option<u64>) -> Result<(), ClientError> {
         let response = self.change(Method::DELETE, &version_path(id), epoch).send().await?;
         if response.status().is_success() { Ok(()) } else { Err(failure_of(response).await?) }
+    }
+
+    /// Lets a model answer requests that name none, from now on.
+    pub async fn set_default(&self, name: &str) -> Result<ModelInfo, ClientError> {
+        let path = format!("v1/models/{name}/default");
+        read(self.change(Method::PUT, &path, None).send().await?).await
     }
 
     /// Gives the label `canary` or `shadow` of a model to a version.

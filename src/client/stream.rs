@@ -1,5 +1,6 @@
 //! A stream of frames, as a robot sees it.
 
+use super::tls::{self, Connection};
 use super::{Client, ClientError, PATIENCE, refused, retry_after};
 use crate::protocol::header::Header;
 use crate::protocol::stream::{
@@ -8,19 +9,18 @@ use crate::protocol::stream::{
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use reqwest::header::{AUTHORIZATION, SEC_WEBSOCKET_PROTOCOL};
-use tokio::net::TcpStream;
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::http::HeaderValue;
 use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
 use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
 use tokio_tungstenite::tungstenite::{self, Message};
-use tokio_tungstenite::{MaybeTlsStream, WebSocketStream};
+use tokio_tungstenite::{WebSocketStream, client_async_with_config};
 
 /// The longest message that is read, in bytes: a result names every room.
 const MAX_MESSAGE_BYTES: usize = 1 << 20;
 
-type Socket = WebSocketStream<MaybeTlsStream<TcpStream>>;
+type Socket = WebSocketStream<Connection>;
 
 /// An open stream. Frames go out in their order, and every accepted one gets one answer, in that order.
 #[derive(Debug)]
@@ -44,7 +44,7 @@ pub struct StreamReceiver {
 /// Where a stream can go on after its connection broke.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ResumePoint {
-    /// The stream.
+    /// The stream's session, a secret: who has it can go on with the stream.
     pub session: String,
     /// The last frame whose answer arrived.
     pub last_seq: Option<u64>,
@@ -124,16 +124,18 @@ impl Stream {
             headers.insert(AUTHORIZATION, authorization.clone());
         }
         let config = WebSocketConfig::default().max_message_size(Some(MAX_MESSAGE_BYTES));
-        // Without Nagle's algorithm: a frame leaves at once.
-        let connected = tokio_tungstenite::connect_async_with_config(request, Some(config), true).await;
-        let (socket, _) = connected.map_err(|error| match error {
-            tungstenite::Error::Http(response) => refused(
-                response.status(),
-                retry_after(response.headers()),
-                response.body().as_deref().unwrap_or_default(),
-            ),
-            error => broken(error),
-        })?;
+        let connection = tls::connect(&client.url, client.tls.as_ref()).await;
+        let connection = connection.map_err(|error| broken(error.into()))?;
+        let (socket, _) = client_async_with_config(request, connection, Some(config)).await.map_err(
+            |error| match error {
+                tungstenite::Error::Http(response) => refused(
+                    response.status(),
+                    retry_after(response.headers()),
+                    response.body().as_deref().unwrap_or_default(),
+                ),
+                error => broken(error),
+            },
+        )?;
         let (sink, socket) = socket.split();
         let point = ResumePoint { session: String::new(), last_seq: None };
         let mut receiver = StreamReceiver { socket, point };

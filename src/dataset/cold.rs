@@ -6,14 +6,15 @@
 
 mod labels;
 
+use labels::frame_name;
 pub use labels::{LabelLine, parse_places};
 
-use super::files::{self, list};
-use super::{Dataset, DatasetError, Format, Frame};
+use super::tree::Tree;
+use super::{Dataset, DatasetError, Format, Frame, Problem, files};
 use crate::camera::CameraKind;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// One of the two areas of a lab that the robot drove through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -83,44 +84,54 @@ impl SequenceName {
     }
 }
 
-/// The folders of all sequences at or below `path`, sorted.
-pub(super) fn find_sequences(path: &Path) -> Result<Vec<PathBuf>, DatasetError> {
-    find_below(path, MAX_DEPTH)
+/// The folders of all sequences at or below `tree`, in order.
+pub(super) fn find_sequences(tree: &Tree) -> Vec<&Tree> {
+    find_below(tree, MAX_DEPTH)
 }
 
 /// Reads these sequences, found below `root`.
-pub(super) fn read(root: &Path, sequences: &[PathBuf]) -> Result<Dataset, DatasetError> {
-    let mut dataset = Dataset::new(root, Format::Cold);
-    let root = fs::canonicalize(root).map_err(|error| DatasetError::io(root, error))?;
-    for folder in sequences {
-        let location = fs::canonicalize(folder).map_err(|error| DatasetError::io(folder, error))?;
-        add_sequence(&mut dataset, folder, sequence_name(&root, &location))?;
+pub(super) fn read(root: &Tree, sequences: &[&Tree]) -> Result<Dataset, DatasetError> {
+    let mut dataset = Dataset::new(&root.path, Format::Cold);
+    let location = |folder: &Path| fs::canonicalize(folder).map_err(|error| DatasetError::io(folder, error));
+    dataset.problems.extend(root.all_unreadable().into_iter().cloned());
+    let root = location(&root.path)?;
+    let mut folder_of: HashMap<String, &Path> = HashMap::new();
+    for sequence in sequences {
+        let name = sequence_name(&root, &location(&sequence.path)?);
+        match folder_of.get(&name) {
+            Some(other) => {
+                let reason = "its name, of lab, part and sequence, is that of another: open them one by one";
+                let problem = Problem::new(&sequence.path, reason);
+                dataset.problems.push(problem.with(format!("{name}, as {}", other.display())));
+            }
+            None => {
+                folder_of.insert(name.clone(), &sequence.path);
+                add_sequence(&mut dataset, sequence, name);
+            }
+        }
     }
     Ok(dataset)
 }
 
-/// From the root down: lab, part, sequence.
-const MAX_DEPTH: usize = 3;
+/// From the root down: two folders around all, lab, part, sequence.
+const MAX_DEPTH: usize = 5;
 const CAMERA_FOLDERS: [(&str, CameraKind); 2] =
     [("std_cam", CameraKind::Perspective), ("omni_cam", CameraKind::Omnidirectional)];
 const LABEL_FILE: &str = "localization/places.lst";
 const LABS: [&str; 3] = ["freiburg", "saarbruecken", "ljubljana"];
 
-fn find_below(folder: &Path, n_levels: usize) -> Result<Vec<PathBuf>, DatasetError> {
-    if is_sequence(folder) {
-        return Ok(vec![folder.to_owned()]);
+fn find_below(tree: &Tree, n_levels: usize) -> Vec<&Tree> {
+    if is_sequence(tree) {
+        vec![tree]
+    } else if n_levels > 0 {
+        tree.folders.iter().flat_map(|below| find_below(below, n_levels - 1)).collect()
+    } else {
+        Vec::new()
     }
-    let mut sequences = Vec::new();
-    if n_levels > 0 && folder.is_dir() {
-        for below in list(folder)?.folders {
-            sequences.extend(find_below(&below, n_levels - 1)?);
-        }
-    }
-    Ok(sequences)
 }
 
-fn is_sequence(folder: &Path) -> bool {
-    folder.join(LABEL_FILE).exists() || CAMERA_FOLDERS.iter().any(|(name, _)| folder.join(name).is_dir())
+fn is_sequence(tree: &Tree) -> bool {
+    tree.path.join(LABEL_FILE).exists() || CAMERA_FOLDERS.iter().any(|(name, _)| tree.folder(name).is_some())
 }
 
 fn is_part_folder(name: &str) -> bool {
@@ -146,62 +157,68 @@ fn sequence_name(root: &Path, folder: &Path) -> String {
     names.join("/")
 }
 
-/// One sequence: its name, and its labels by file name.
+/// One sequence: its name, and its labels by the names of the frames.
 struct Sequence<'a> {
     name: String,
     lines: HashMap<&'a str, &'a LabelLine>,
 }
 
-fn add_sequence(dataset: &mut Dataset, folder: &Path, name: String) -> Result<(), DatasetError> {
-    let label_file = folder.join(LABEL_FILE);
+fn add_sequence(dataset: &mut Dataset, tree: &Tree, name: String) {
+    let label_file = tree.path.join(LABEL_FILE);
     let mut lines = Vec::new();
     if label_file.exists() {
-        let problems;
-        (lines, problems) = parse_places(&files::read_labels(&label_file)?, &label_file);
-        dataset.problems.extend(problems);
+        match files::read_labels(&label_file) {
+            Ok(text) => {
+                let problems;
+                (lines, problems) = parse_places(&text, &label_file);
+                dataset.problems.extend(problems);
+            }
+            Err(problem) => dataset.problems.push(problem),
+        }
     } else {
         dataset.report(&label_file, "no such file: the frames of this sequence have no place");
     }
-    report_unknown(dataset, &label_file, &lines);
-    let sequence = Sequence { name, lines: lines.iter().map(|line| (line.file.as_str(), line)).collect() };
+    note_unknown(dataset, &label_file, &lines);
+    let sequence = Sequence { name, lines: lines.iter().map(|line| (line.frame.as_str(), line)).collect() };
     let mut has_camera = false;
     for (camera_folder, camera) in CAMERA_FOLDERS {
-        let camera_folder = folder.join(camera_folder);
-        if camera_folder.is_dir() {
+        if let Some(camera_folder) = tree.folder(camera_folder) {
             has_camera = true;
-            add_frames(dataset, &sequence, &camera_folder, camera)?;
+            add_frames(dataset, &sequence, camera_folder, camera);
         }
     }
     if !has_camera {
-        dataset.report(folder, format!("labels: {}, but neither std_cam nor omni_cam", lines.len()));
+        dataset.report(&tree.path, format!("labels: {}, but neither std_cam nor omni_cam", lines.len()));
     }
-    Ok(())
 }
 
-/// Reports each label that the table does not have, once a file.
-fn report_unknown(dataset: &mut Dataset, label_file: &Path, lines: &[LabelLine]) {
+/// Notes each label that the table does not have, once a file.
+fn note_unknown(dataset: &mut Dataset, label_file: &Path, lines: &[LabelLine]) {
     let mut n_frames: BTreeMap<&str, usize> = BTreeMap::new();
     for line in lines.iter().filter(|line| !line.known) {
         *n_frames.entry(&line.place).or_default() += 1;
     }
     for (label, n_frames) in n_frames {
-        dataset.report(label_file, format!("unknown label `{label}` kept as it is (frames: {n_frames})"));
+        let reason = format!("the label `{label}` is none of COLD's: taken as the name of a room");
+        dataset.notes.push(Problem::new(label_file, reason).with(format!("frames: {n_frames}")));
     }
 }
 
 /// Adds what has both a file and a label; whatever lacks one of them is a problem.
-fn add_frames(
-    dataset: &mut Dataset,
-    sequence: &Sequence,
-    folder: &Path,
-    camera: CameraKind,
-) -> Result<(), DatasetError> {
-    let mut lines = sequence.lines.clone();
-    for path in list(folder)?.images() {
-        let Some(line) = lines.remove(files::name(path).as_str()) else {
+fn add_frames(dataset: &mut Dataset, sequence: &Sequence, folder: &Tree, camera: CameraKind) {
+    dataset.problems.extend(folder.all_left_out().into_iter().cloned());
+    let mut missing: BTreeSet<&str> = sequence.lines.keys().copied().collect();
+    for path in &folder.pictures {
+        let file = files::name(path);
+        let frame = frame_name(&file).unwrap_or(&file);
+        let Some(line) = sequence.lines.get(frame) else {
             dataset.report(path, "no label in places.lst");
             continue;
         };
+        if !missing.remove(frame) {
+            dataset.report(path, "the same frame as another file beside it, but for the ending");
+            continue;
+        }
         dataset.frames.push(Frame {
             path: path.clone(),
             place: line.place.clone(),
@@ -212,10 +229,7 @@ fn add_frames(
             pose: Some(line.pose),
         });
     }
-    let mut missing: Vec<&str> = lines.into_keys().collect();
-    missing.sort_unstable();
-    for file in missing {
-        dataset.report(&folder.join(file), "labeled in places.lst, but there is no such file");
+    for frame in missing {
+        dataset.report(&folder.path.join(frame), "labeled in places.lst, but there is no such file");
     }
-    Ok(())
 }

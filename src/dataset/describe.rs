@@ -5,6 +5,7 @@ use crate::camera::Mirror;
 use crate::image::{Image, Limits};
 use crate::model::{Extractor, Sample, Scratch};
 use rayon::prelude::*;
+use std::collections::{HashMap, HashSet};
 
 /// Frames that the mirror is searched in.
 const N_MIRROR_FRAMES: usize = 40;
@@ -16,30 +17,58 @@ pub struct Described {
     pub samples: Vec<Sample>,
     /// Which frame each sample is.
     pub frame_idxs: Vec<usize>,
+    /// What tells the bytes of each sample's picture from others.
+    digests: Vec<blake3::Hash>,
     /// The frames that could not be read.
     pub problems: Vec<Problem>,
+    /// The frames of which only a part could be read.
+    pub notes: Vec<Problem>,
+}
+
+/// What is kept of a frame that was read.
+struct Read {
+    sample: Sample,
+    digest: blake3::Hash,
+    is_damaged: bool,
+}
+
+/// A sample whose picture has the same bytes as another's.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Copied {
+    /// Which sample.
+    pub sample_idx: usize,
+    /// Its picture, and what it is a copy of.
+    pub problem: Problem,
 }
 
 impl Dataset {
     /// Describes all frames in parallel, in a fixed order. `on_frame` is called after each.
     pub fn describe(&self, extractor: &Extractor, limits: &Limits, on_frame: impl Fn() + Sync) -> Described {
+        let limits = &limits.enough_for(extractor.longest_side());
         let describe = |scratch: &mut Scratch, frame: &super::Frame| {
-            let features = frame.read(limits).map(|image| extractor.extract(&image, scratch));
+            let described = frame.read_encoded(limits).and_then(|bytes| {
+                let image = frame.decode(&bytes, limits)?;
+                let features = extractor.extract(&image, scratch);
+                let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
+                let sample = Sample { place, sequence, features };
+                Ok(Read { sample, digest: blake3::hash(&bytes), is_damaged: image.damaged_rows() > 0 })
+            });
             on_frame();
-            features.map(|features| Sample {
-                place: frame.place.clone(),
-                sequence: frame.sequence.clone(),
-                features,
-            })
+            described
         };
-        let results: Vec<Result<Sample, Problem>> =
+        let results: Vec<Result<_, Problem>> =
             self.frames.par_iter().map_init(Scratch::default, describe).collect();
         let mut described = Described::default();
         for (frame_idx, result) in results.into_iter().enumerate() {
             match result {
-                Ok(sample) => {
-                    described.samples.push(sample);
+                Ok(read) => {
+                    described.samples.push(read.sample);
+                    described.digests.push(read.digest);
                     described.frame_idxs.push(frame_idx);
+                    if read.is_damaged {
+                        let reason = "rows of it are damaged or missing: the others are taken";
+                        described.notes.push(Problem::new(&self.frames[frame_idx].path, reason));
+                    }
                 }
                 Err(problem) => described.problems.push(problem),
             }
@@ -56,4 +85,74 @@ impl Dataset {
             spread.par_iter().filter_map(|&idx| self.frames[idx].read(limits).ok()).collect();
         Mirror::estimate(&images)
     }
+}
+
+impl Described {
+    /// The samples that say nothing beside others, in order: of pictures with the same bytes all but the first
+    /// where they show one room, and all where they are said to show several, since one of these is wrong.
+    pub fn copies(&self, dataset: &Dataset) -> Vec<Copied> {
+        let mut same: HashMap<&[u8], Vec<usize>> = HashMap::new();
+        for (sample_idx, digest) in self.digests.iter().enumerate() {
+            same.entry(digest.as_bytes()).or_default().push(sample_idx);
+        }
+        let path = |sample_idx: usize| &dataset.frames[self.frame_idxs[sample_idx]].path;
+        let copied = |sample_idx: usize, other_idx: usize, reason: &str| {
+            let problem = Problem::new(path(sample_idx), reason).with(path(other_idx).display().to_string());
+            Copied { sample_idx, problem }
+        };
+        let mut copies = Vec::new();
+        for same in same.into_values() {
+            let (first, others) = (same[0], &same[1..]);
+            let is_elsewhere = |other: &&usize| self.samples[**other].place != self.samples[first].place;
+            if let Some(&elsewhere) = others.iter().find(is_elsewhere) {
+                let reason = "the same picture, byte for byte, lies in another room too: keep it in one";
+                copies.push(copied(first, elsewhere, reason));
+                copies.extend(others.iter().map(|&other| copied(other, first, reason)));
+            } else {
+                let reason = "a copy of another picture of its room, byte for byte";
+                copies.extend(others.iter().map(|&other| copied(other, first, reason)));
+            }
+        }
+        copies.sort_by_key(|copied| copied.sample_idx);
+        copies
+    }
+
+    /// What training takes: no picture twice, so that none is on both sides of a fold. Copies become problems.
+    pub fn without_copies(self, dataset: &Dataset) -> Self {
+        let copies = self.copies(dataset);
+        self.without(copies)
+    }
+
+    /// What can be measured with a model that was trained on `trained`: other pictures. Those that trained, be
+    /// it as another file, become problems.
+    pub fn without_trained(self, dataset: &Dataset, trained: &Self) -> Self {
+        let trained: HashSet<&[u8]> =
+            trained.digests.iter().map(|digest| digest.as_bytes().as_slice()).collect();
+        let has_trained =
+            |sample_idx: &usize| trained.contains(self.digests[*sample_idx].as_bytes().as_slice());
+        let copied = |sample_idx: usize| {
+            let path = &dataset.frames[self.frame_idxs[sample_idx]].path;
+            let reason = "the same picture, byte for byte, is among those that train: not answered";
+            Copied { sample_idx, problem: Problem::new(path, reason) }
+        };
+        let copies = (0..self.samples.len()).filter(has_trained).map(copied).collect();
+        self.without(copies)
+    }
+
+    /// Leaves out these samples, given in order.
+    fn without(mut self, left_out: Vec<Copied>) -> Self {
+        let mut idxs = left_out.iter().map(|copied| copied.sample_idx).peekable();
+        let keeps: Vec<bool> = (0..self.samples.len()).map(|idx| idxs.next_if_eq(&idx).is_none()).collect();
+        keep(&mut self.samples, &keeps);
+        keep(&mut self.frame_idxs, &keeps);
+        keep(&mut self.digests, &keeps);
+        self.problems.extend(left_out.into_iter().map(|copied| copied.problem));
+        self
+    }
+}
+
+/// Keeps the items that are marked.
+fn keep<T>(items: &mut Vec<T>, keeps: &[bool]) {
+    let mut keeps = keeps.iter();
+    items.retain(|_| keeps.next() == Some(&true));
 }

@@ -1,23 +1,105 @@
 //! What is wrong with a data set: as a whole ([`DatasetError`]) or in one place ([`Problem`]).
 
-use std::collections::BTreeSet;
+use std::collections::hash_map::Entry;
+use std::collections::{BTreeSet, HashMap};
+use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
 /// One thing that was left out of a data set or looks wrong in it.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{}: {reason}", path.display())]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Problem {
     /// The file or folder concerned.
     pub path: PathBuf,
-    /// What is wrong with it, with the line number where there is one.
+    /// Its line, counted from 1, where it is one line of a list.
+    pub line: Option<u64>,
+    /// What is wrong with it, the same for all that it is wrong with.
     pub reason: String,
+    /// What is particular to this one; may be empty.
+    pub detail: String,
 }
 
 impl Problem {
-    pub(super) fn new(path: &Path, reason: impl Into<String>) -> Self {
-        Self { path: path.to_owned(), reason: reason.into() }
+    /// What is wrong with a whole file or folder.
+    pub fn new(path: &Path, reason: impl Into<String>) -> Self {
+        // Some decoders end their sentences with an empty line.
+        let reason = reason.into().trim_end().to_owned();
+        Self { path: path.to_owned(), line: None, reason, detail: String::new() }
     }
+
+    pub(super) fn at(self, line: u64) -> Self {
+        Self { line: Some(line), ..self }
+    }
+
+    pub(super) fn with(self, detail: impl Into<String>) -> Self {
+        Self { detail: detail.into(), ..self }
+    }
+
+    /// The reason without its numbers: two pictures that are too large are one kind of problem.
+    fn kind(&self) -> String {
+        self.reason.replace(|character: char| character.is_ascii_digit(), "")
+    }
+
+    fn told(&self, n_more: usize) -> String {
+        let mut text = printable(&self.path);
+        if let Some(line) = self.line {
+            text.push_str(&format!(", line {line}"));
+        }
+        if n_more > 0 {
+            text.push_str(&format!(" and {n_more} more"));
+        }
+        text.push_str(&format!(": {}", self.reason));
+        if !self.detail.is_empty() {
+            text.push_str(&format!(" ({})", self.detail));
+        }
+        text
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+        formatter.write_str(&self.told(0))
+    }
+}
+
+/// Problems of one kind: the first of them, and how many there are. Displayed as one line.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ProblemKind<'a> {
+    /// The first in the order given.
+    pub first: &'a Problem,
+    /// At least 1.
+    pub n_problems: usize,
+}
+
+impl fmt::Display for ProblemKind<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
+        formatter.write_str(&self.first.told(self.n_problems - 1))
+    }
+}
+
+/// Problems by kind, in the order in which the kinds occur first.
+pub fn by_kind(problems: &[Problem]) -> Vec<ProblemKind<'_>> {
+    let mut kinds: Vec<ProblemKind> = Vec::new();
+    let mut idx_of: HashMap<String, usize> = HashMap::new();
+    for problem in problems {
+        match idx_of.entry(problem.kind()) {
+            Entry::Occupied(idx) => kinds[*idx.get()].n_problems += 1,
+            Entry::Vacant(idx) => {
+                idx.insert(kinds.len());
+                kinds.push(ProblemKind { first: problem, n_problems: 1 });
+            }
+        }
+    }
+    kinds
+}
+
+/// A path on a terminal: control characters, which names may hold, are written as codes.
+fn printable(path: &Path) -> String {
+    let write = |character: char| match character.is_control() {
+        true => character.escape_default().to_string(),
+        false => character.to_string(),
+    };
+    path.to_string_lossy().chars().map(write).collect()
 }
 
 /// Why a data set, or a selection from it, cannot be used.
@@ -36,27 +118,41 @@ pub enum DatasetError {
     },
     /// Nothing there looks like one of the formats.
     #[error(
-        "{}: not a data set; what can be read: a folder a room with its frames (kitchen/*.jpg or \
+        "{}: not a data set ({why}); what can be read: a folder a room with its frames (kitchen/*.jpg or \
          kitchen/SEQUENCE/*.jpg), a frames.csv with the columns file and place, or COLD sequences \
          (seq1_cloudy1/std_cam with seq1_cloudy1/localization/places.lst)",
-        .0.display()
+        path.display()
     )]
-    UnknownLayout(PathBuf),
-    /// A label file or manifest cannot be read as one.
-    #[error("{}: {reason}", path.display())]
-    Labels {
-        /// The label file or manifest.
+    UnknownLayout {
+        /// What was opened.
         path: PathBuf,
-        /// Why not.
+        /// What lies there instead.
+        why: String,
+    },
+    /// Folders named as splits where the rooms should be.
+    #[error("{}: {reason}", path.display())]
+    Splits {
+        /// The folder that they lie in.
+        path: PathBuf,
+        /// Why they cannot be read, and what to do.
         reason: String,
     },
-    /// A manifest lacks a column.
-    #[error("{}: no column `{column}`; its first line must name the columns, at least file and place", path.display())]
-    MissingColumn {
+    /// A manifest cannot be read as one.
+    #[error("{0}")]
+    Manifest(Problem),
+    /// A manifest lacks a column, or has it twice.
+    #[error(
+        "{}, line {line}: {fault}; this line must name the columns, at least file and place, separated by commas, \
+         semicolons or tabs",
+        path.display()
+    )]
+    Columns {
         /// The manifest.
         path: PathBuf,
-        /// The column.
-        column: &'static str,
+        /// The line of the headings, counted from 1.
+        line: u64,
+        /// Which column, and those that are there.
+        fault: String,
     },
     /// A manifest names a camera that does not exist.
     #[error("{}, line {line}: no camera `{name}`; write perspective, equirectangular or omnidirectional", path.display())]
@@ -91,6 +187,21 @@ pub enum DatasetError {
     OnePlace {
         /// That room.
         place: String,
+    },
+    /// Rooms that people, and systems that ignore case, take for one.
+    #[error(
+        "{left} and {right} are the name of one room for people and for systems that ignore case: \
+         give the room one name, or the two rooms names that differ more ({left_origin}; {right_origin})"
+    )]
+    LookAlike {
+        /// A room.
+        left: String,
+        /// Another.
+        right: String,
+        /// Where the first is named, such as a frame of it.
+        left_origin: String,
+        /// Where the second is.
+        right_origin: String,
     },
     /// Frames of several kinds of camera together.
     #[error("frames of several cameras ({cameras}): choose one of them, a model knows one camera")]

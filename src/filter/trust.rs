@@ -3,9 +3,6 @@
 use serde::{Deserialize, Serialize};
 use std::str::FromStr;
 
-/// The most trust.
-const MAX_TRUST: f32 = 10.0;
-
 /// The power that a frame's probabilities are raised to: above 0, where frames say nothing, up to 10. Each
 /// counts as it says at 1. Less suits frames that are wrong together; more suits probabilities that are more
 /// cautious than the answers deserve, and makes the filter quicker to change rooms.
@@ -15,10 +12,13 @@ pub struct Trust(f32);
 
 /// A number that is no trust.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("trust is a number above 0 and at most {MAX_TRUST}, such as {default}", default = Trust::default().0)]
+#[error("trust is a number above 0 and at most {max}, such as {default}", max = Trust::MAX, default = Trust::default().0)]
 pub struct TrustError;
 
 impl Trust {
+    /// The most.
+    pub const MAX: f32 = 10.0;
+
     pub(super) fn exponent(self) -> f64 {
         f64::from(self.0)
     }
@@ -35,7 +35,7 @@ impl TryFrom<f32> for Trust {
     type Error = TrustError;
 
     fn try_from(trust: f32) -> Result<Self, TrustError> {
-        if trust > 0.0 && trust <= MAX_TRUST { Ok(Self(trust)) } else { Err(TrustError) }
+        if trust > 0.0 && trust <= Self::MAX { Ok(Self(trust)) } else { Err(TrustError) }
     }
 }
 

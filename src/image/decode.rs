@@ -1,101 +1,44 @@
 //! Untrusted bytes to luma. The only caller of image decoders.
 
-use super::{Image, ImageError, Limits};
+use super::format::{self, Format};
+use super::{Gap, Image, ImageError, Limits, Region, jpeg, other};
 use image::metadata::Orientation;
-use image::{DynamicImage, GrayImage, ImageDecoder, ImageFormat, ImageReader};
-use std::io::Cursor;
-use zune_core::bytestream::ZCursor;
-use zune_core::colorspace::ColorSpace;
-use zune_core::options::DecoderOptions;
-use zune_jpeg::JpegDecoder;
-
-/// A progressive JPEG repeats its whole area once a scan; real ones have about ten.
-const MAX_SCANS: usize = 64;
-
-/// Bytes a pixel that decoding a JPEG takes at most: three planes of 16-bit coefficients, the samples, the
-/// output.
-const JPEG_MEMORY_PER_PIXEL: u64 = 12;
+use image::{DynamicImage, GrayImage};
+use std::panic::{UnwindSafe, catch_unwind};
 
 pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
     if bytes.len() > limits.max_bytes {
         let n_bytes = bytes.len();
         return Err(ImageError::TooLarge(format!("{n_bytes} bytes; the limit is {}", limits.max_bytes)));
     }
-    match image::guess_format(bytes) {
-        Ok(ImageFormat::Jpeg) => decode_jpeg(bytes, limits),
-        Ok(format @ (ImageFormat::Png | ImageFormat::WebP | ImageFormat::Bmp | ImageFormat::Pnm)) => {
-            decode_other(bytes, format, limits)
-        }
-        _ => Err(ImageError::UnknownFormat),
-    }
-}
-
-/// Straight to luma: the color planes are neither upsampled nor converted.
-fn decode_jpeg(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
-    let options = DecoderOptions::default()
-        .set_max_width(limits.max_side as usize)
-        .set_max_height(limits.max_side as usize)
-        .jpeg_set_max_scans(MAX_SCANS)
-        .jpeg_set_out_colorspace(ColorSpace::Luma)
-        .set_strict_mode(true);
-    let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), options);
-    if let Err(error) = decoder.decode_headers() {
-        // The limits are one reason: a decoder that allows any size tells a large frame from a damaged one.
-        let any_size = DecoderOptions::default().set_max_width(usize::MAX).set_max_height(usize::MAX);
-        let mut decoder = JpegDecoder::new_with_options(ZCursor::new(bytes), any_size);
-        if decoder.decode_headers().is_ok() {
-            check_jpeg_size(&decoder, limits)?;
-        }
-        return Err(ImageError::Damaged(error.to_string()));
-    }
-    check_jpeg_size(&decoder, limits)?;
-    if !matches!(decoder.input_colorspace(), Some(ColorSpace::YCbCr | ColorSpace::Luma)) {
-        return decode_other(bytes, ImageFormat::Jpeg, limits);
-    }
-    let (width, height) = decoder.dimensions().ok_or_else(|| damaged("no dimensions"))?;
-    let pixels = decoder.decode().map_err(|error| ImageError::Damaged(error.to_string()))?;
-    let orientation = decoder.exif().and_then(|exif| Orientation::from_exif_chunk(exif));
-    let luma = Image::from_pixels(width, height, pixels).ok_or_else(|| damaged("missing pixels"))?;
-    Ok(match orientation {
-        None | Some(Orientation::NoTransforms) => luma,
-        Some(orientation) => oriented(luma, orientation)?,
+    let format = format::guess(bytes)?;
+    contained(|| match format {
+        Format::Jpeg => decode_jpeg(bytes, limits),
+        format => other::decode(bytes, format, limits),
     })
 }
 
-fn check_jpeg_size(decoder: &JpegDecoder<ZCursor<&[u8]>>, limits: &Limits) -> Result<(), ImageError> {
-    let (width, height) = decoder.dimensions().ok_or_else(|| damaged("no dimensions"))?;
-    let (width, height) = (width as u64, height as u64);
-    check_size(width, height, width * height * JPEG_MEMORY_PER_PIXEL, limits)
+/// A defect of a decoder costs the frame that brings it out, not the training that the frame is part of.
+fn contained(decode: impl FnOnce() -> Result<Image, ImageError> + UnwindSafe) -> Result<Image, ImageError> {
+    catch_unwind(decode).unwrap_or(Err(ImageError::Broken))
 }
 
-fn decode_other(bytes: &[u8], format: ImageFormat, limits: &Limits) -> Result<Image, ImageError> {
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    let mut decoder_limits = image::Limits::default();
-    decoder_limits.max_alloc = Some(limits.max_memory);
-    reader.limits(decoder_limits);
-    let mut decoder = reader.into_decoder().map_err(|error| ImageError::Damaged(error.to_string()))?;
-    let (width, height) = decoder.dimensions();
-    // Decoded samples, their 8-bit RGB copy, and luma.
-    let memory = decoder.total_bytes().saturating_add(u64::from(width) * u64::from(height) * 4);
-    check_size(u64::from(width), u64::from(height), memory, limits)?;
-    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let decoded =
-        DynamicImage::from_decoder(decoder).map_err(|error| ImageError::Damaged(error.to_string()))?;
-    let pixels = match decoded {
-        DynamicImage::ImageLuma8(luma) => luma.into_raw(),
-        other => other.into_rgb8().as_raw().as_chunks().0.iter().map(|&rgb| luma_of(rgb)).collect(),
-    };
-    let luma = Image::from_pixels(width as usize, height as usize, pixels)
+fn decode_jpeg(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+    let picture = jpeg::decode(bytes, limits)?;
+    let mut image = Image::from_pixels(picture.width, picture.height, picture.luma)
         .ok_or_else(|| damaged("missing pixels"))?;
-    oriented(luma, orientation)
+    image.reduction = picture.reduction;
+    image.gap = picture.gap;
+    oriented(image, picture.orientation.unwrap_or(Orientation::NoTransforms))
 }
 
 /// Rec. 601 luma in 16-bit fixed point, rounded.
-fn luma_of([red, green, blue]: [u8; 3]) -> u8 {
+pub(super) fn luma_of([red, green, blue]: [u8; 3]) -> u8 {
     ((19_595 * u32::from(red) + 38_470 * u32::from(green) + 7_471 * u32::from(blue) + 32_768) >> 16) as u8
 }
 
-fn check_size(width: u64, height: u64, memory: u64, limits: &Limits) -> Result<(), ImageError> {
+/// Checks what a frame will take before anything is allocated for it.
+pub(super) fn check_size(width: u64, height: u64, memory: u64, limits: &Limits) -> Result<(), ImageError> {
     let too_large = |detail: String| Err(ImageError::TooLarge(detail));
     if width == 0 || height == 0 {
         return Err(damaged("it has no pixels"));
@@ -112,25 +55,59 @@ fn check_size(width: u64, height: u64, memory: u64, limits: &Limits) -> Result<(
     Ok(())
 }
 
-fn oriented(luma: Image, orientation: Orientation) -> Result<Image, ImageError> {
-    let buffer = GrayImage::from_raw(luma.width as u32, luma.height as u32, luma.pixels)
+/// Turns a picture as its camera was held.
+pub(super) fn oriented(image: Image, orientation: Orientation) -> Result<Image, ImageError> {
+    if orientation == Orientation::NoTransforms {
+        return Ok(image);
+    }
+    let size = [image.width, image.height];
+    let (reduction, gap) = (image.reduction, image.gap);
+    let buffer = GrayImage::from_raw(image.width as u32, image.height as u32, image.pixels)
         .ok_or_else(|| damaged("missing pixels"))?;
     let mut turned = DynamicImage::ImageLuma8(buffer);
     turned.apply_orientation(orientation);
     let (width, height) = (turned.width() as usize, turned.height() as usize);
-    Image::from_pixels(width, height, turned.into_luma8().into_raw()).ok_or_else(|| damaged("missing pixels"))
+    let mut image = Image::from_pixels(width, height, turned.into_luma8().into_raw())
+        .ok_or_else(|| damaged("missing pixels"))?;
+    image.reduction = reduction;
+    image.gap = gap.map(|gap| Gap { visible: turned_region(gap.visible, size, orientation), ..gap });
+    Ok(image)
 }
 
-fn damaged(detail: &str) -> ImageError {
+/// Where a region of a picture of `width` x `height` pixels comes to lie.
+fn turned_region(region: Region, [width, height]: [usize; 2], orientation: Orientation) -> Region {
+    use Orientation as O;
+    let Region { left, top, right, bottom } = region;
+    let (across, down) = match orientation {
+        O::NoTransforms => (left..right, top..bottom),
+        O::FlipHorizontal => (width - right..width - left, top..bottom),
+        O::Rotate180 => (width - right..width - left, height - bottom..height - top),
+        O::FlipVertical => (left..right, height - bottom..height - top),
+        O::Rotate90FlipH => (top..bottom, left..right),
+        O::Rotate90 => (height - bottom..height - top, left..right),
+        O::Rotate270FlipH => (height - bottom..height - top, width - right..width - left),
+        O::Rotate270 => (top..bottom, width - right..width - left),
+    };
+    Region { left: across.start, top: down.start, right: across.end, bottom: down.end }
+}
+
+pub(super) fn damaged(detail: &str) -> ImageError {
     ImageError::Damaged(detail.to_owned())
+}
+
+pub(super) fn unsupported(format: &str, advice: &str) -> ImageError {
+    ImageError::Unsupported { format: format.to_owned(), advice: advice.to_owned() }
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::exif::tests::exif;
     use super::*;
+    use image::ImageFormat;
     use image::codecs::jpeg::JpegEncoder;
     use image::{ExtendedColorType, ImageEncoder, RgbImage};
     use proptest::prelude::*;
+    use std::io::Cursor;
 
     /// A smooth picture that survives JPEG well.
     fn picture(width: u32, height: u32) -> RgbImage {
@@ -148,38 +125,10 @@ mod tests {
     }
 
     fn jpeg_with_orientation(orientation: u8) -> Vec<u8> {
-        // A TIFF header, little-endian, with one entry: tag 0x0112, SHORT, count 1.
-        let exif = [
-            b'I',
-            b'I',
-            42,
-            0,
-            8,
-            0,
-            0,
-            0,
-            1,
-            0,
-            0x12,
-            1,
-            3,
-            0,
-            1,
-            0,
-            0,
-            0,
-            orientation,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
-        ];
+        let exif = exif(orientation, true, false);
         let mut bytes = Vec::new();
         let mut encoder = JpegEncoder::new_with_quality(&mut bytes, 95);
-        encoder.set_exif_metadata(exif.to_vec()).unwrap();
+        encoder.set_exif_metadata(exif).unwrap();
         encoder.write_image(picture(40, 24).as_raw(), 40, 24, ExtendedColorType::Rgb8).unwrap();
         bytes
     }
@@ -231,15 +180,40 @@ mod tests {
     fn truncation_is_damage() {
         for format in [ImageFormat::Jpeg, ImageFormat::Png, ImageFormat::WebP, ImageFormat::Pnm] {
             let bytes = encoded(format);
-            let cut = &bytes[..bytes.len() * 3 / 4];
+            let cut = &bytes[..bytes.len() / 2];
             let result = Image::decode(cut, &Limits::default());
             assert!(matches!(result, Err(ImageError::Damaged(_))), "{format:?}: {result:?}");
         }
     }
 
     #[test]
+    fn a_panic_costs_the_frame_alone() {
+        let result = contained(|| panic!("a defect that a test brings out"));
+        assert_eq!(result, Err(ImageError::Broken));
+    }
+
+    #[test]
+    fn regions_are_turned_with_their_pixels() {
+        let region = Region { left: 0, top: 1, right: 4, bottom: 2 };
+        for number in 1..=8 {
+            let orientation = Orientation::from_exif(number).unwrap();
+            let mut image = Image::from_pixels(4, 3, vec![9, 9, 9, 9, 0, 1, 2, 3, 9, 9, 9, 9]).unwrap();
+            image.gap = Some(Gap { damaged_rows: 2, visible: region });
+            let turned = oriented(image, orientation).unwrap();
+            let visible = turned.visible().unwrap();
+            for y in 0..turned.height() {
+                for x in 0..turned.width() {
+                    let is_in = (visible.left..visible.right).contains(&x)
+                        && (visible.top..visible.bottom).contains(&y);
+                    assert_eq!(turned.row(y)[x] < 9, is_in, "{number}: {x} {y}");
+                }
+            }
+        }
+    }
+
+    #[test]
     fn other_bytes_are_no_image() {
-        for bytes in [&b""[..], b"hello", b"GIF89a\x01\0\x01\0"] {
+        for bytes in [&b""[..], b"hello"] {
             assert_eq!(Image::decode(bytes, &Limits::default()), Err(ImageError::UnknownFormat));
         }
     }

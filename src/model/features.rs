@@ -4,7 +4,7 @@ use super::{Config, Cue, FrameLbpCue};
 use crate::camera::{Camera, View};
 use crate::describe::{Descriptor, Sections};
 use crate::detect::{Detector, Keypoint};
-use crate::image::Image;
+use crate::image::{Image, Region};
 use crate::matrix::Matrix;
 use crate::plane::ScaleSpace;
 use std::sync::Arc;
@@ -61,6 +61,11 @@ impl Extractor {
         }))
     }
 
+    /// The longest side in pixels that it looks at.
+    pub fn longest_side(&self) -> usize {
+        self.0.longest_side
+    }
+
     /// The camera whose frames it takes.
     pub fn camera(&self) -> &Camera {
         &self.0.camera
@@ -82,8 +87,16 @@ impl Parameters {
         let shrunk = image.shrink_to(self.longest_side);
         let scaled = shrunk.as_ref().unwrap_or(image);
         let size = (scaled.width(), scaled.height());
-        let same_size = scratch.view.take().filter(|view| (view.width(), view.height()) == size);
-        let view = scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)));
+        // Of a frame that did not arrive whole; no other has the same.
+        let visible = image.visible().map(|visible| visible.shrunk(image, [size.0, size.1]));
+        let partial = visible.map(|visible| self.camera.view(size.0, size.1).within(visible));
+        let view = match &partial {
+            Some(view) => view,
+            None => {
+                let same_size = scratch.view.take().filter(|view| (view.width(), view.height()) == size);
+                scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)))
+            }
+        };
         let keypoints = self.detector.detect_with(scaled, view, &mut scratch.space);
         let descriptors = match &self.descriptor {
             // The costly part of both, built once.
@@ -92,19 +105,76 @@ impl Parameters {
             }
             descriptor => descriptor.describe(scaled, &keypoints, view),
         };
-        let frame = self.describe_frame(scaled, &mut scratch.sections);
-        Features { keypoints, descriptors, frame, scale: image.width() as f32 / scaled.width() as f32 }
+        let frame = self.describe_frame(scaled, visible, &mut scratch.sections);
+        Features {
+            keypoints,
+            descriptors,
+            frame,
+            scale: (image.width() * image.reduction()) as f32 / scaled.width() as f32,
+        }
     }
 
-    /// What the cue sees; `sections` is kept for the next frame of the same size.
-    fn describe_frame(&self, image: &Image, sections: &mut Option<((usize, usize), Sections)>) -> Vec<f32> {
+    /// What the cue sees of the visible part of a frame, or of all of it; `sections` is kept for the next frame
+    /// of the same size.
+    fn describe_frame(
+        &self,
+        frame: &Image,
+        visible: Option<Region>,
+        sections: &mut Option<((usize, usize), Sections)>,
+    ) -> Vec<f32> {
         let Some(Cue::FrameLbp(FrameLbpCue { histograms, .. })) = &self.cue else { return Vec::new() };
-        let shrunk = image.shrink_to(histograms.longest_side);
-        let image = shrunk.as_ref().unwrap_or(image);
+        let shrunk = frame.shrink_to(histograms.longest_side);
+        let image = shrunk.as_ref().unwrap_or(frame);
         let size = (image.width(), image.height());
+        if let Some(visible) = visible {
+            let view = self.camera.view(size.0, size.1).within(visible.shrunk(frame, [size.0, size.1]));
+            return histograms.describe(image, &histograms.sections(&view));
+        }
         let of_same_size = sections.take().filter(|(of_size, _)| *of_size == size);
         let make = || (size, histograms.sections(&self.camera.view(size.0, size.1)));
         let (_, sections) = sections.insert(of_same_size.unwrap_or_else(make));
         histograms.describe(image, sections)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Projection;
+    use crate::image::Limits;
+    use image::codecs::jpeg::JpegEncoder;
+    use image::{ExtendedColorType, GrayImage, ImageEncoder, Luma};
+
+    /// A frame full of corners, as a JPEG.
+    fn frame() -> Vec<u8> {
+        let picture = GrayImage::from_fn(128, 96, |x, y| {
+            let is_bright = x / 9 % 2 == y / 7 % 2;
+            Luma([if is_bright { 190 } else { 60 } + ((x * 7 + y * 5) % 11) as u8])
+        });
+        let mut bytes = Vec::new();
+        let encoder = JpegEncoder::new_with_quality(&mut bytes, 90);
+        encoder.write_image(&picture, 128, 96, ExtendedColorType::L8).unwrap();
+        bytes
+    }
+
+    #[test]
+    fn nothing_is_found_where_rows_are_missing() {
+        let bytes = frame();
+        let decode = |bytes: &[u8]| Image::decode(bytes, &Limits::default()).unwrap();
+        let (whole, cut) = (decode(&bytes), decode(&bytes[..bytes.len() * 3 / 4]));
+        let visible = cut.visible().unwrap();
+        assert!((48..80).contains(&visible.bottom), "{visible:?}");
+        let cue = Some(Cue::FrameLbp(FrameLbpCue::default()));
+        let config = Config { cue, ..Config::default() };
+        let extractor = Extractor::new(&config, Camera::new(Projection::Perspective));
+        let mut scratch = Scratch::default();
+        let of_whole = extractor.extract(&whole, &mut scratch);
+        let of_cut = extractor.extract(&cut, &mut scratch);
+        assert!(of_whole.keypoints.iter().any(|keypoint| keypoint.y > visible.bottom as f32));
+        assert!(!of_cut.keypoints.is_empty());
+        assert!(of_cut.keypoints.iter().all(|keypoint| keypoint.y + 3.0 < visible.bottom as f32));
+        assert_ne!(of_cut.frame, of_whole.frame);
+        // The next frame is seen whole again.
+        assert_eq!(extractor.extract(&whole, &mut scratch).keypoints, of_whole.keypoints);
     }
 }

@@ -95,7 +95,8 @@ impl GoldenFrame {
 }
 
 fn answer_of(model: &Model, bytes: &[u8]) -> Result<Recognition, String> {
-    let image = Image::decode(bytes, &Limits::default()).map_err(|error| error.to_string())?;
+    let limits = Limits::default().enough_for(model.config().longest_side);
+    let image = Image::decode(bytes, &limits).map_err(|error| error.to_string())?;
     Ok(model.recognize(&image, &mut Scratch::default()))
 }
 

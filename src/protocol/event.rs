@@ -31,8 +31,8 @@ pub enum Event {
 /// Whose stream.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 pub struct RobotName {
-    /// The stream.
-    pub session: String,
+    /// The stream, by its public name.
+    pub stream: String,
     /// The robot, where it has said so, else the name of its key.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<String>,
@@ -44,9 +44,9 @@ pub struct AnswerEvent {
     /// The robot, where known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub robot: Option<String>,
-    /// The stream; left out for a single request.
+    /// The stream, by its public name; left out for a single request.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub session: Option<String>,
+    pub stream: Option<String>,
     /// The room: of the stream's filter where there is one.
     pub room: String,
     /// Its probability.
@@ -64,7 +64,7 @@ impl AnswerEvent {
     pub fn of_frame(answer: &Answer, latency_ms: f64) -> Self {
         Self {
             robot: answer.robot.clone(),
-            session: None,
+            stream: None,
             room: answer.room.clone(),
             probability: answer.probability,
             probabilities: answer.probabilities.clone(),
@@ -74,13 +74,13 @@ impl AnswerEvent {
     }
 
     /// Of a frame of a stream.
-    pub fn of_stream(session: &str, result: &StreamResult, latency_ms: f64) -> Self {
+    pub fn of_stream(stream: &str, result: &StreamResult, latency_ms: f64) -> Self {
         let of_frame = Self::of_frame(&result.answer, latency_ms);
-        let session = Some(session.to_owned());
+        let stream = Some(stream.to_owned());
         match &result.filtered {
-            None => Self { session, ..of_frame },
+            None => Self { stream, ..of_frame },
             Some(filtered) => Self {
-                session,
+                stream,
                 room: filtered.room.clone(),
                 probability: filtered.probability,
                 probabilities: filtered.probabilities.clone(),
@@ -93,7 +93,7 @@ impl AnswerEvent {
 /// All robots that stream.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct RobotList {
-    /// By session.
+    /// The stream that began first comes first.
     pub robots: Vec<RobotInfo>,
 }
 
@@ -103,6 +103,9 @@ pub struct RobotInfo {
     /// Its stream and its name.
     #[serde(flatten)]
     pub name: RobotName,
+    /// The name of the key that opened it, where the service has keys.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub key: Option<String>,
     /// Whether its connection stands; a stream without one can be resumed for a while.
     pub connected: bool,
     /// For how long it has been streaming, in seconds.

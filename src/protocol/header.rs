@@ -4,7 +4,7 @@
 //! |---|---|
 //! | 0 to 3 | `RSF1` |
 //! | 4 to 7 | flags, a little-endian u32: bit 0, the time is given; all others 0 |
-//! | 8 to 15 | the frame's number, a little-endian u64 |
+//! | 8 to 15 | the frame's number, a little-endian u64 up to 2^52 |
 //! | 16 to 23 | when it was captured, in nanoseconds since 1970, a little-endian u64; 0 where not given |
 //! | 24 on | the encoded image |
 //!
@@ -12,13 +12,16 @@
 
 /// What begins a frame with a header.
 const MAGIC: [u8; 4] = *b"RSF1";
+/// The largest number that a header may give. JSON's readers tell whole numbers up to 2^53 apart; what lies
+/// between is for bare frames that follow.
+pub const MAX_SEQ: u64 = 1 << 52;
 /// The flag of a frame whose time is given.
 const DATED: u32 = 1;
 
 /// What a client says of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// Its number, larger than those before it.
+    /// Its number, larger than those before it, at most [`MAX_SEQ`].
     pub seq: u64,
     /// When it was captured, in nanoseconds since 1970.
     pub captured_at_ns: Option<u64>,

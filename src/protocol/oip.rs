@@ -1,17 +1,22 @@
-//! The Open Inference Protocol over HTTP, `/v2`, as KServe defines it, with two extensions of Triton:
-//! `binary_tensor_data`, tensors as bytes behind the JSON, and `model_repository`.
+//! The Open Inference Protocol over HTTP, `/v2`, as KServe defines it, with four extensions of Triton:
+//! `binary_tensor_data`, tensors as bytes behind the JSON, `model_repository`, `model_configuration` and
+//! `statistics`.
 //!
 //! | module | what |
 //! |---|---|
 //! | [`request`] | frames to recognize: untrusted bytes |
 //! | [`response`] | the tensors that answer them |
 //! | [`tensor`] | the elements of tensors, as bytes and in JSON |
+//! | [`model_config`] | how a model is run |
+//! | [`statistics`] | what a model has done |
 //!
 //! A frame is an element of the input `frame`, an encoded image. JSON cannot carry its bytes: there an
 //! element is a string in base64. Rooms are text, and stand in JSON as they are.
 
+pub mod model_config;
 pub mod request;
 pub mod response;
+pub mod statistics;
 pub mod tensor;
 
 use serde::de::IgnoredAny;
@@ -24,14 +29,15 @@ pub const JSON_LENGTH_HEADER: &str = "inference-header-content-length";
 /// The one input: encoded images.
 pub const FRAME: &str = "frame";
 /// What is served besides the protocol itself.
-pub const EXTENSIONS: [&str; 2] = ["binary_tensor_data", "model_repository"];
+pub const EXTENSIONS: [&str; 4] =
+    ["binary_tensor_data", "model_configuration", "model_repository", "statistics"];
 /// What recognizes frames, in the place of a framework's name.
 pub const PLATFORM: &str = "roomsight";
 
 /// What serves.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
 #[schema(example = json!({
-    "name": "roomsight", "version": "0.1.0", "extensions": ["binary_tensor_data", "model_repository"]
+    "name": "roomsight", "version": "0.1.0", "extensions": EXTENSIONS
 }))]
 pub struct ServerMetadata {
     /// The service.

@@ -1,8 +1,14 @@
 //! What travels over REST, as JSON.
 
-use serde::{Deserialize, Serialize};
+use crate::repository::version_number;
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use utoipa::{IntoParams, ToSchema};
+
+/// A frame for examples: a checkerboard of 16 x 16 pixels, a PNG in base64.
+pub const EXAMPLE_FRAME: &str = "iVBORw0KGgoAAAANSUhEUgAAABAAAAAQCAAAAAA6mKC9AAAAG0lEQVR42mOwAYITQACjGcgQQOaAaHIEBok7ABUbgg\
+    Gc36zkAAAAAElFTkSuQmCC";
 
 /// What a caller may ask about a frame.
 #[derive(Clone, Debug, Default, Serialize, Deserialize, IntoParams)]
@@ -11,7 +17,8 @@ use utoipa::{IntoParams, ToSchema};
 pub struct RecognizeQuery {
     /// The model that answers; left out: the default one.
     pub model: Option<String>,
-    /// Its version; left out: the one that serves.
+    /// Its version, a whole number without sign and leading zeros; left out: the one that serves.
+    #[serde(default, deserialize_with = "version_from_text")]
     pub version: Option<u64>,
     /// The label its version carries, instead of `version`.
     #[param(example = "stable")]
@@ -19,7 +26,8 @@ pub struct RecognizeQuery {
     /// Who asks. Sent back, and in the log.
     #[param(example = "wall-e", max_length = 64)]
     pub robot: Option<String>,
-    /// When the frame was taken, in any notation. Sent back as it came.
+    /// When the frame was taken: a date and a time (RFC 3339, or ISO 8601 without an offset), or a number
+    /// since 1970, in seconds or parts of them. Sent back as it came.
     #[param(example = "2030-01-31T12:00:00.250Z", max_length = 64)]
     pub captured_at: Option<String>,
     /// How long after the arrival of the request the frame may wait before it is looked at.
@@ -36,10 +44,12 @@ pub struct RecognizeQuery {
 /// A frame as JSON.
 #[derive(Debug, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
-#[schema(example = json!({"frame": "/9j/4AAQSkZJRgABAQ..."}))]
+#[schema(example = json!({"frame": EXAMPLE_FRAME}))]
 pub struct FrameJson<'a> {
-    /// The image in base64.
+    /// The image in base64, in any of the usual ways of writing it: in lines or not, with or without `=` at its
+    /// end, in the alphabet for addresses, with a `data:image/...;base64,` before it.
     #[serde(borrow)]
+    #[schema(min_length = 2)]
     pub frame: Cow<'a, str>,
 }
 
@@ -67,6 +77,10 @@ pub struct Answer {
     pub model: ModelName,
     /// The number of keypoints the answer rests on; few say little.
     pub keypoints: usize,
+    /// Rows of the frame that did not arrive, or not whole: they were taken to be gray. Left out where all
+    /// did.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub damaged_rows: usize,
     /// Where the time went.
     pub timings_ms: TimingsMs,
     /// The request, as in the header `X-Request-Id` and the log.
@@ -80,6 +94,10 @@ pub struct Answer {
     /// Where asked for: the keypoints that spoke for and against the room, strongest first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evidence: Option<Vec<KeypointEvidence>>,
+}
+
+fn is_zero(number: &usize) -> bool {
+    *number == 0
 }
 
 /// A room and its probability.
@@ -152,7 +170,7 @@ pub enum BatchResult {
 /// The models there are.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct ModelList {
-    /// The model of requests that name none; left out where nothing serves.
+    /// The model of requests that name none; left out before one serves or is named. It stays until another is named.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub default: Option<String>,
     /// All of them, by name.
@@ -164,6 +182,9 @@ pub struct ModelList {
 pub struct ModelInfo {
     /// Its name.
     pub name: String,
+    /// Whether it answers requests that name no model.
+    #[serde(default)]
+    pub default: bool,
     /// The version that serves, as `stable`.
     pub serving: Option<u64>,
     /// How often what serves was changed; also the `ETag`, which `If-Match` is compared with.
@@ -310,6 +331,17 @@ pub struct ProblemBody {
     pub detail: String,
     /// The request, as in the header `X-Request-Id` and the log.
     pub request_id: String,
+}
+
+/// Reads a version from a query or a path. One number has one notation there.
+pub(crate) fn version_from_text<'de, D: Deserializer<'de>>(text: D) -> Result<Option<u64>, D::Error> {
+    let text = Cow::<str>::deserialize(text)?;
+    let wrong = || {
+        D::Error::custom(format!(
+            "{text:?} is no version: give a whole number without sign and leading zeros, such as 7"
+        ))
+    };
+    version_number(&text).map(Some).ok_or_else(wrong)
 }
 
 impl TimingsMs {

@@ -20,7 +20,8 @@ pub const KEY_SUBPROTOCOL_PREFIX: &str = "key.";
 #[serde(deny_unknown_fields)]
 #[into_params(parameter_in = Query)]
 pub struct StreamQuery {
-    /// The stream to resume, as `hello` named it. Where it is over, a new one begins.
+    /// The `session` of the stream to resume, as `hello` told it; with the key that opened the stream, where keys
+    /// are asked for. Where it is over, a new one begins.
     pub session: Option<String>,
     /// The last frame whose answer arrived, left out where none did; the answers after it that are still kept
     /// are sent again.
@@ -122,14 +123,20 @@ pub enum FilterChoice {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FilterSettings {
-    /// How much one frame counts, above 0 to 10: lower is steadier and later to notice a change of room.
+    /// How much one frame counts, above 0 to 10: lower is steadier and later to notice a change of room. Streams
+    /// that say nothing of the filter have the default.
+    #[schema(default = default_trust, exclusive_minimum = 0, maximum = 10)]
     pub trust: f32,
 }
 
 impl Default for FilterSettings {
     fn default() -> Self {
-        Self { trust: Trust::default().into() }
+        Self { trust: default_trust() }
     }
+}
+
+fn default_trust() -> f32 {
+    Trust::default().into()
 }
 
 /// How a stream is configured.
@@ -190,10 +197,13 @@ pub enum ServerMessage {
 pub struct Hello {
     /// `roomsight.v1`.
     pub protocol: String,
-    /// Names the stream. A connection that breaks is resumed with `?session=SESSION&last_seq=SEQ`, SEQ being
-    /// the last frame whose answer arrived.
+    /// Keep it secret: who has it can go on with the stream. A connection that breaks is resumed with
+    /// `?session=SESSION&last_seq=SEQ`, SEQ being the last frame whose answer arrived.
     pub session: String,
-    /// Whether this is a stream that goes on. Answers after `last_seq` that are still kept follow at once.
+    /// The stream's public name, as dashboards and log lines have it; nobody can resume the stream by it.
+    pub stream: String,
+    /// Whether this is a stream that goes on. Answers after `last_seq` follow at once: all that were told since
+    /// the connection broke, and of those before at least the last `limits.window`.
     pub resumed: bool,
     /// The number of the next frame that brings none.
     pub next_seq: u64,
@@ -218,8 +228,10 @@ pub struct StreamLimits {
     pub max_frame_pixels: u64,
     /// The most frames without an answer in the mode `lossless`.
     pub window: usize,
-    /// A connection that sends nothing, not even an answer to a ping, is closed after this.
+    /// A connection over which no byte comes, not even an answer to a ping, is closed after this.
     pub idle_timeout_ms: u64,
+    /// How long a message may take to come in, without the time in which the service does not read on.
+    pub message_timeout_ms: u64,
     /// How long a stream without a connection can be resumed.
     pub resume_ms: u64,
 }
@@ -229,15 +241,37 @@ pub struct StreamLimits {
 pub struct StreamResult {
     /// Which frame.
     pub seq: u64,
-    /// What the frame says by itself. Its `request_id` is the session.
+    /// What the frame says by itself. Its `request_id` is the stream's public name.
     #[serde(flatten)]
     pub answer: Answer,
     /// What the frames so far say together, where there is a filter.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub filtered: Option<Filtered>,
-    /// From capture to answer, where the frame was dated; negative where the robot's clock is ahead.
+    /// From capture to answer, where the frame was dated; negative where the robot's clock is ahead. Left out
+    /// where it would be more than an hour: then the robot has a clock of its own, and the age means nothing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub age_ms: Option<f64>,
+    /// Something about the stream that its robot's developer should know; each is told once a stream.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub notice: Option<Notice>,
+}
+
+/// Something about a stream that its robot's developer should know.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct Notice {
+    /// Which, for programs.
+    pub kind: NoticeKind,
+    /// What it means and what to do about it, for people.
+    pub detail: String,
+}
+
+/// What a notice is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum NoticeKind {
+    /// The frames' times of capture stand still, run backwards, are zero or leap by more than an hour: the filter
+    /// takes the times at which such frames arrived.
+    Stamps,
 }
 
 /// The filter's answer.
@@ -259,7 +293,7 @@ pub enum DropReason {
     Superseded,
     /// It waited longer than its deadline.
     Deadline,
-    /// The service has no memory for it.
+    /// The service has no memory for it. Never in the mode `lossless`.
     Overload,
     /// The service stops.
     Draining,

@@ -1,7 +1,8 @@
 //! A bucket of an S3-compatible store, as a folder `NAME/VERSION/` under a prefix.
 //!
-//! A version is there when its `model.json` is: that is uploaded last and removed first. A version is
-//! downloaded once, into a cache on the disk. Its folder there is named by a digest of what the bucket says
+//! A version is there when its `model.json` and its `model.safetensors` are. The first is uploaded before all else, as
+//! something new: of two who upload the same version one does, and the other writes nothing. The second is
+//! uploaded last. `model.json` is removed first. A version is downloaded once, into a cache on the disk. Its folder there is named by a digest of what the bucket says
 //! of its files, their ETags, so that it is taken for no other. It enters the cache only when its model has
 //! the digest that its `model.json` says.
 //!
@@ -12,16 +13,19 @@ mod remote;
 #[cfg(test)]
 mod tests;
 
-use super::name::{check_name, version_number};
+use super::default::DEFAULT_FILE;
+use super::name::check_name;
 use super::package::{self, Limits, is_file_of_version};
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
 use super::{
-    Fingerprint, Folder, Listing, Record, RepositoryError, Scan, VersionId, check_later, io_error, is_name,
+    DefaultModel, Fingerprint, Folder, Listing, Record, RepositoryError, Scan, VersionId,
+    check_default_later, check_later, io_error, is_name, version_number,
 };
-use crate::model::{self, ABOUT_FILE, GOLDEN_FOLDER, MODEL_FILE, VerifiedFile};
+use crate::model::{self, ABOUT_FILE, GOLDEN_FOLDER, MAX_SIDE_FILE_BYTES, MODEL_FILE, VerifiedFile};
 use object_store::PutMode;
 use object_store::aws::AmazonS3Builder;
 use remote::{Object, Remote};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Write};
@@ -54,9 +58,17 @@ pub struct Bucket {
 /// What is known of the bucket.
 #[derive(Debug, Default)]
 struct Seen {
-    models: BTreeMap<String, Listing>,
+    kept: Kept,
     /// Whether it was seen since it was opened, not before.
     is_current: bool,
+}
+
+/// What a start without the bucket needs.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+struct Kept {
+    models: BTreeMap<String, Listing>,
+    default: Option<DefaultModel>,
 }
 
 /// The objects of one version.
@@ -79,8 +91,8 @@ impl Bucket {
         let folder = cache.join(&digest[..CACHE_NAME_DIGITS]);
         let made = fs::create_dir_all(&folder).and_then(|()| folder.canonicalize());
         let cache = Folder::open(made.map_err(io_error(&folder))?)?;
-        let models = kept(&cache.root().join(KEPT_FILE));
-        Ok(Self { remote, cache, seen: Mutex::new(Seen { models, is_current: false }) })
+        let kept = kept(&cache.root().join(KEPT_FILE));
+        Ok(Self { remote, cache, seen: Mutex::new(Seen { kept, is_current: false }) })
     }
 
     pub(super) fn scan(&self) -> Result<Scan, RepositoryError> {
@@ -90,26 +102,29 @@ impl Bucket {
                 if !seen.is_current {
                     self.remove_unlisted(&scan.models);
                 }
-                if seen.models != scan.models {
-                    self.keep(&scan.models)?;
+                let kept = Kept { models: scan.models.clone(), default: scan.default.clone() };
+                if seen.kept != kept {
+                    self.keep(&kept)?;
                 }
-                *seen = Seen { models: scan.models.clone(), is_current: true };
+                *seen = Seen { kept, is_current: true };
                 Ok(scan)
             }
             Err(error) => {
                 let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-                if seen.is_current || seen.models.is_empty() {
+                if seen.is_current || seen.kept.models.is_empty() {
                     return Err(error);
                 }
                 tracing::warn!(%error, "the models that it had when it was last seen are used");
-                Ok(Scan { models: seen.models.clone(), ..Scan::default() })
+                let Kept { models, default } = seen.kept.clone();
+                Ok(Scan { models, default, ..Scan::default() })
             }
         }
     }
 
     pub(super) fn fetch(&self, id: &VersionId) -> Result<PathBuf, RepositoryError> {
         let seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = seen.models.get(&id.name).and_then(|listing| listing.versions.get(&id.version)).cloned();
+        let listing = seen.kept.models.get(&id.name);
+        let known = listing.and_then(|listing| listing.versions.get(&id.version)).cloned();
         drop(seen);
         if let Some(cached) = known.and_then(|fingerprint| self.cached(&fingerprint)) {
             return Ok(cached);
@@ -134,18 +149,28 @@ impl Bucket {
     }
 
     pub(super) fn publish(&self, id: &VersionId, staged: &TempDir) -> Result<(), RepositoryError> {
-        let left = self.files(id)?;
-        if left.iter().any(|object| object.path == ABOUT_FILE) {
-            return Err(RepositoryError::Exists(id.clone()));
+        let path = |name: &str| format!("{id}/{name}");
+        let bytes_of = |name: &str| {
+            let file = staged.path().join(name);
+            fs::read(&file).map_err(io_error(&file))
+        };
+        let about = bytes_of(ABOUT_FILE)?;
+        if !self.remote.write(&path(ABOUT_FILE), about.clone(), PutMode::Create)? {
+            let is_whole = self.files(id)?.iter().any(|object| object.path == MODEL_FILE);
+            let begun = self.remote.read(&path(ABOUT_FILE), MAX_SIDE_FILE_BYTES)?;
+            match begun {
+                // The upload of the same model broke off, or goes on: both write the same.
+                Some((begun, _)) if !is_whole && begun == about => {}
+                _ if is_whole => return Err(RepositoryError::Exists(id.clone())),
+                _ => return Err(RepositoryError::HalfUploaded(id.clone())),
+            }
         }
-        // An upload that broke off.
+        let mut left = self.files(id)?;
+        left.retain(|object| object.path != ABOUT_FILE);
         self.remove_all(id, &left)?;
-        for path in package::names(staged.path()).map_err(io_error(staged.path()))? {
-            let file = staged.path().join(&path);
-            let bytes = fs::read(&file).map_err(io_error(&file))?;
-            let mode = if path == ABOUT_FILE { PutMode::Create } else { PutMode::Overwrite };
-            if !self.remote.write(&format!("{id}/{path}"), bytes, mode)? {
-                return Err(RepositoryError::Exists(id.clone()));
+        for name in package::names(staged.path()).map_err(io_error(staged.path()))? {
+            if name != ABOUT_FILE {
+                self.remote.write(&path(&name), bytes_of(&name)?, PutMode::Overwrite)?;
             }
         }
         Ok(())
@@ -167,31 +192,53 @@ impl Bucket {
     /// The record, and how another one takes its place as long as nobody else's has.
     fn read_record(&self, name: &str) -> Result<(Record, PutMode), RepositoryError> {
         check_name(name)?;
-        let path = format!("{name}/{RECORD_FILE}");
-        let Some((json, version)) = self.remote.read(&path, MAX_RECORD_BYTES)? else {
-            return Ok((Record::default(), PutMode::Create));
-        };
-        let record = Record::from_json(&json);
-        let record = record.map_err(|reason| RepositoryError::Record { path: path.into(), reason })?;
-        Ok((record, PutMode::Update(version)))
+        let (record, mode) = self.read(&format!("{name}/{RECORD_FILE}"), Record::from_json)?;
+        Ok((record.unwrap_or_default(), mode))
     }
 
     pub(super) fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
         let (current, mode) = self.read_record(name)?;
         check_later(name, record, &current)?;
         let path = format!("{name}/{RECORD_FILE}");
-        let json =
-            serde_json::to_vec_pretty(record).map_err(|error| io_error(Path::new(&path))(error.into()))?;
+        let json = serde_json::to_vec_pretty(record).map_err(json_error(&path))?;
         if self.remote.write(&path, json, mode)? {
             return Ok(());
         }
         check_later(name, record, &self.record(name)?)
     }
 
+    pub(super) fn default_model(&self) -> Result<Option<DefaultModel>, RepositoryError> {
+        Ok(self.read(DEFAULT_FILE, DefaultModel::from_json)?.0)
+    }
+
+    pub(super) fn write_default(&self, default: &DefaultModel) -> Result<(), RepositoryError> {
+        let (current, mode) = self.read(DEFAULT_FILE, DefaultModel::from_json)?;
+        check_default_later(default, current.as_ref())?;
+        let json = serde_json::to_vec_pretty(default).map_err(json_error(DEFAULT_FILE))?;
+        if self.remote.write(DEFAULT_FILE, json, mode)? {
+            return Ok(());
+        }
+        check_default_later(default, self.default_model()?.as_ref())
+    }
+
+    /// A small object, and how another one takes its place as long as nobody else's has.
+    fn read<T>(
+        &self,
+        path: &str,
+        parse: impl FnOnce(&[u8]) -> Result<T, String>,
+    ) -> Result<(Option<T>, PutMode), RepositoryError> {
+        let Some((json, version)) = self.remote.read(path, MAX_RECORD_BYTES)? else {
+            return Ok((None, PutMode::Create));
+        };
+        let parsed = parse(&json).map_err(|reason| RepositoryError::Record { path: path.into(), reason })?;
+        Ok((Some(parsed), PutMode::Update(version)))
+    }
+
     /// What the bucket has now.
     fn look(&self) -> Result<Scan, RepositoryError> {
         let mut scan = Scan::default();
         let mut records = Vec::new();
+        let mut names_default = false;
         let mut found: BTreeMap<(String, u64), Files> = BTreeMap::new();
         for object in self.remote.list("")? {
             let parts: Vec<&str> = object.path.splitn(3, '/').collect();
@@ -200,6 +247,7 @@ impl Bucket {
                 continue;
             }
             match parts[..] {
+                [DEFAULT_FILE] => names_default = true,
                 [name, RECORD_FILE] if is_name(name) => records.push(name.to_owned()),
                 [name, version, path] if is_name(name) && version_number(version).is_some() => {
                     let id = (name.to_owned(), version_number(version).unwrap_or_default());
@@ -231,6 +279,15 @@ impl Bucket {
                 Ok(record) => listing.record = record,
                 Err(error @ RepositoryError::Record { .. }) => {
                     scan.foreign.insert(format!("{name}/{RECORD_FILE}: {error}"));
+                }
+                Err(error) => return Err(error),
+            }
+        }
+        if names_default {
+            match self.default_model() {
+                Ok(default) => scan.default = default,
+                Err(error @ RepositoryError::Record { .. }) => {
+                    scan.foreign.insert(format!("{DEFAULT_FILE}: {error}"));
                 }
                 Err(error) => return Err(error),
             }
@@ -279,11 +336,11 @@ impl Bucket {
     }
 
     /// Keeps what the bucket has for a start without it.
-    fn keep(&self, models: &BTreeMap<String, Listing>) -> Result<(), RepositoryError> {
+    fn keep(&self, kept: &Kept) -> Result<(), RepositoryError> {
         let path = self.cache.root().join(KEPT_FILE);
         let write = || -> io::Result<()> {
             let mut file = NamedTempFile::new_in(self.cache.root())?;
-            file.write_all(&serde_json::to_vec(models)?)?;
+            file.write_all(&serde_json::to_vec(kept)?)?;
             file.as_file().sync_all()?;
             file.persist(&path)?;
             Ok(())
@@ -316,8 +373,12 @@ fn fingerprint(files: &Files) -> Result<Fingerprint, &'static str> {
     Ok(Fingerprint::of_lines(files.iter().map(line).collect()))
 }
 
-/// The models of an earlier time; none where nothing was kept, or what was kept is damaged.
-fn kept(path: &Path) -> BTreeMap<String, Listing> {
+fn json_error(path: &str) -> impl Fn(serde_json::Error) -> RepositoryError {
+    move |error| io_error(Path::new(path))(error.into())
+}
+
+/// What there was at an earlier time; nothing where nothing was kept, or what was kept is damaged.
+fn kept(path: &Path) -> Kept {
     let json = fs::read(path).unwrap_or_default();
     serde_json::from_slice(&json).unwrap_or_default()
 }

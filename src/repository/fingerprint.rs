@@ -9,8 +9,8 @@ use std::time::UNIX_EPOCH;
 /// Folders in a version's folder are looked into this deep; more are not its own.
 const MAX_DEPTH: usize = 2;
 
-/// Changes when the files of a version do: made of their names, sizes and times of modification, or of a
-/// bucket's ETags.
+/// Changes when the files of a version do: made of their names, sizes and times, or of a bucket's ETags. Hidden
+/// files are none of a version's: they are what tools leave, and what they have not finished.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Fingerprint(pub String);
 
@@ -31,10 +31,15 @@ impl Fingerprint {
 
 fn collect(folder: &Path, depth: usize, lines: &mut Vec<String>) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
-        let path = entry?.path();
+        let entry = entry?;
+        if entry.file_name().as_encoded_bytes().starts_with(b".") {
+            continue;
+        }
+        let path = entry.path();
         let metadata = fs::metadata(&path)?;
         if !metadata.is_dir() {
-            lines.push(format!("{path:?} {} {}", metadata.len(), modified(&metadata)));
+            let (modified, changed) = (modified(&metadata), changed(&metadata));
+            lines.push(format!("{path:?} {} {modified} {changed}", metadata.len()));
         } else if depth > 1 {
             collect(&path, depth - 1, lines)?;
         }
@@ -46,4 +51,18 @@ fn collect(folder: &Path, depth: usize, lines: &mut Vec<String>) -> io::Result<(
 fn modified(metadata: &Metadata) -> u128 {
     let since = metadata.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
     since.map_or(0, |duration| duration.as_nanos())
+}
+
+/// When the system saw the file change, in nanoseconds. Tools that copy a file with its time of modification
+/// cannot set that.
+#[cfg(unix)]
+fn changed(metadata: &Metadata) -> i128 {
+    use std::os::unix::fs::MetadataExt;
+    i128::from(metadata.ctime()) * 1_000_000_000 + i128::from(metadata.ctime_nsec())
+}
+
+/// Not known.
+#[cfg(not(unix))]
+fn changed(_: &Metadata) -> i128 {
+    0
 }

@@ -1,17 +1,27 @@
 //! A folder `NAME/VERSION/` of models.
 //!
-//! What is unfinished lies in hidden folders of the repository's root, on the same file system, so that one
-//! rename makes it a version. Whoever has the repository open holds a lock: the first to open it, and only
-//! that one, removes what a killed process left.
+//! What is unfinished lies in hidden folders, on the file system of what it is to become, so that one rename makes it
+//! a version. Whoever has the repository open holds a lock: the first to open it, and only that one, removes what a
+//! killed process left.
+//!
+//! Operators put folders together as they like: the root, models, versions and files may be links or mounted, lead
+//! anywhere, and be exchanged for others while a service runs. So no path is resolved once and for all. Links come
+//! from operators alone: nobody uploads one.
 
-use super::name::{check_name, version_number};
+use super::default::DEFAULT_FILE;
+use super::name::check_name;
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
-use super::{Fingerprint, Listing, Record, RepositoryError, Scan, VersionId, check_later, io_error, is_name};
+use super::{
+    DefaultModel, Fingerprint, Listing, Record, RepositoryError, Scan, VersionId, check_default_later,
+    check_later, io_error, is_name, package, version_number,
+};
 use crate::model::{self, MODEL_FILE};
+use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 use tempfile::TempDir;
 
 /// What the names of unfinished folders begin with.
@@ -19,12 +29,15 @@ const STAGED_PREFIX: &str = ".staged-";
 
 const LOCK_FILE: &str = ".lock";
 
+/// Held while the default model is read and written; [`LOCK_FILE`] is held for as long as the repository is open.
+const DEFAULT_LOCK_FILE: &str = ".default.lock";
+
 /// A repository of many models.
 #[derive(Debug)]
 pub struct Folder {
     root: PathBuf,
     /// Held while the repository is open; none where nothing can be written.
-    _lock: Option<File>,
+    lock: Mutex<Option<File>>,
 }
 
 /// What lies in a folder, by file name.
@@ -34,10 +47,10 @@ struct Entry {
 }
 
 impl Folder {
-    /// The repository in a canonical path.
+    /// The repository at an absolute path.
     pub(super) fn open(root: PathBuf) -> Result<Self, RepositoryError> {
         let lock = lock(&root).map_err(io_error(&root))?;
-        Ok(Self { root, _lock: lock })
+        Ok(Self { root, lock: Mutex::new(lock) })
     }
 
     pub(super) fn root(&self) -> &Path {
@@ -48,6 +61,13 @@ impl Folder {
         let unreadable = |source| RepositoryError::Unreadable { location: self.root.clone(), source };
         let mut scan = Scan::default();
         for Entry { name, path } in visible(&self.root).map_err(unreadable)? {
+            if name == DEFAULT_FILE {
+                match read_default(&path) {
+                    Ok(default) => scan.default = default,
+                    Err(error) => drop(scan.foreign.insert(format!("{name}: {error}"))),
+                }
+                continue;
+            }
             match self.listing(&name, &path, &mut scan.foreign) {
                 Ok(listing) if listing.versions.is_empty() => {}
                 Ok(listing) => {
@@ -67,8 +87,11 @@ impl Folder {
     }
 
     pub(super) fn stage(&self) -> Result<TempDir, RepositoryError> {
-        let staged = tempfile::Builder::new().prefix(STAGED_PREFIX).tempdir_in(&self.root);
-        staged.map_err(io_error(&self.root))
+        // The folder may be another one than that which was opened.
+        if let Some(shared) = open_lock(&self.root).filter(|file| file.lock_shared().is_ok()) {
+            *self.lock.lock().unwrap_or_else(PoisonError::into_inner) = Some(shared);
+        }
+        stage_in(&self.root)
     }
 
     pub(super) fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), RepositoryError> {
@@ -76,7 +99,7 @@ impl Folder {
         if path.symlink_metadata().is_ok() {
             return Err(RepositoryError::Exists(id.clone()));
         }
-        self.make_folder(&id.name)?;
+        let staged = bring(staged, &self.make_folder(&id.name)?)?;
         model::move_into_place(staged, &path).map_err(|source| match source.kind() {
             // Another process was quicker.
             ErrorKind::AlreadyExists | ErrorKind::DirectoryNotEmpty | ErrorKind::NotADirectory => {
@@ -88,10 +111,15 @@ impl Folder {
 
     pub(super) fn delete(&self, id: &VersionId) -> Result<(), RepositoryError> {
         let path = self.fetch(id)?;
-        let grave = self.stage()?;
+        let folder = self.root.join(&id.name);
+        let grave = stage_in(&folder)?;
+        // Of a link, the link alone.
         fs::rename(&path, grave.path().join(&id.name)).map_err(io_error(&path))?;
-        sync(&self.root.join(&id.name))?;
-        grave.close().map_err(io_error(&path))
+        sync(&folder)?;
+        if let Err(error) = grave.close() {
+            tracing::warn!(version = %id, %error, "is deleted, but takes room until the next start");
+        }
+        Ok(())
     }
 
     pub(super) fn record(&self, name: &str) -> Result<Record, RepositoryError> {
@@ -101,21 +129,22 @@ impl Folder {
 
     pub(super) fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
         check_name(name)?;
-        self.make_folder(name)?;
-        let folder = self.root.join(name);
+        let folder = self.make_folder(name)?;
         let path = folder.join(RECORD_FILE);
-        let _lock = lock_record(&folder).map_err(io_error(&folder))?;
+        let _lock = wait_for_lock(&folder.join(LOCK_FILE))?;
         check_later(name, record, &read_record(&path)?)?;
-        let staged = self.stage()?;
-        let unfinished = staged.path().join(RECORD_FILE);
-        let write = || -> io::Result<()> {
-            let mut file = File::create_new(&unfinished)?;
-            file.write_all(&serde_json::to_vec_pretty(record)?)?;
-            file.sync_all()?;
-            fs::rename(&unfinished, &path)
-        };
-        write().map_err(io_error(&path))?;
-        sync(&folder)
+        replace(&folder, RECORD_FILE, record)
+    }
+
+    pub(super) fn default_model(&self) -> Result<Option<DefaultModel>, RepositoryError> {
+        read_default(&self.root.join(DEFAULT_FILE))
+    }
+
+    pub(super) fn write_default(&self, default: &DefaultModel) -> Result<(), RepositoryError> {
+        let path = self.root.join(DEFAULT_FILE);
+        let _lock = wait_for_lock(&self.root.join(DEFAULT_LOCK_FILE))?;
+        check_default_later(default, read_default(&path)?.as_ref())?;
+        replace(&self.root, DEFAULT_FILE, default)
     }
 
     /// Where a version lies.
@@ -125,13 +154,14 @@ impl Folder {
     }
 
     /// The folder of a model, made where it is not there yet.
-    fn make_folder(&self, name: &str) -> Result<(), RepositoryError> {
+    fn make_folder(&self, name: &str) -> Result<PathBuf, RepositoryError> {
         let folder = self.root.join(name);
         match fs::create_dir(&folder) {
-            Ok(()) => sync(&self.root),
-            Err(error) if error.kind() == ErrorKind::AlreadyExists => Ok(()),
-            Err(error) => Err(io_error(&folder)(error)),
+            Ok(()) => sync(&self.root)?,
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            Err(error) => return Err(io_error(&folder)(error)),
         }
+        Ok(folder)
     }
 
     /// What there is of one model. What is no version of it goes to `foreign`.
@@ -147,7 +177,7 @@ impl Folder {
             let found = if entry == RECORD_FILE {
                 read_record(&path).map(|record| listing.record = record).map_err(|error| error.to_string())
             } else {
-                self.version(&entry, &path).map(|(number, fingerprint)| {
+                version(&entry, &path).map(|(number, fingerprint)| {
                     listing.versions.insert(number, fingerprint);
                 })
             };
@@ -157,57 +187,87 @@ impl Folder {
         }
         Ok(listing)
     }
+}
 
-    /// The version in a folder, or why it is none.
-    fn version(&self, name: &str, path: &Path) -> Result<(u64, Fingerprint), String> {
-        let number = version_number(name).ok_or("no number of a version")?;
-        if !path.join(MODEL_FILE).is_file() {
-            return Err(format!("no version of a model: there is no {MODEL_FILE} in it"));
-        }
-        let fingerprint = self.check_links(path).and_then(|()| Fingerprint::of_folder(path));
-        Ok((number, fingerprint.map_err(|error| error.to_string())?))
+/// The version in a folder, or why it is none.
+fn version(name: &str, path: &Path) -> Result<(u64, Fingerprint), String> {
+    let number = version_number(name);
+    let number =
+        number.ok_or("no number of a version: name it by a whole number without sign and leading zeros")?;
+    if !path.join(MODEL_FILE).is_file() {
+        return Err(format!("no version of a model: there is no {MODEL_FILE} in it"));
     }
-
-    /// Refuses what leads out of the repository: a folder, or a file in it.
-    fn check_links(&self, folder: &Path) -> io::Result<()> {
-        if !folder.canonicalize()?.starts_with(&self.root) {
-            return Err(io::Error::other("it leads out of the repository"));
-        }
-        for entry in fs::read_dir(folder)? {
-            let path = entry?.path();
-            if path.is_dir() {
-                self.check_links(&path)?;
-            } else if !path.canonicalize()?.starts_with(&self.root) {
-                return Err(io::Error::other(format!("{} leads out of the repository", path.display())));
-            }
-        }
-        Ok(())
-    }
+    Ok((number, Fingerprint::of_folder(path).map_err(|error| error.to_string())?))
 }
 
 /// Locks the repository, and cleans it where nobody else has it open. A folder that cannot be written, or
 /// lies where there are no locks, is not cleaned.
 fn lock(root: &Path) -> io::Result<Option<File>> {
-    let Ok(file) = File::options().create(true).append(true).open(root.join(LOCK_FILE)) else {
-        return Ok(None);
-    };
+    let Some(file) = open_lock(root) else { return Ok(None) };
     if file.try_lock().is_ok() {
-        for entry in fs::read_dir(root)? {
-            let entry = entry?;
-            if entry.file_name().to_string_lossy().starts_with(STAGED_PREFIX) && entry.file_type()?.is_dir() {
-                fs::remove_dir_all(entry.path())?;
-            }
+        clean(root)?;
+        for Entry { path, .. } in visible(root)? {
+            // What cannot be cleaned only takes room.
+            let _ = clean(&path);
         }
         file.unlock()?;
     }
     Ok(file.lock_shared().is_ok().then_some(file))
 }
 
-/// Lets other processes wait until a record is read and written, where there are locks.
-fn lock_record(folder: &Path) -> io::Result<File> {
-    let file = File::options().create(true).append(true).open(folder.join(LOCK_FILE))?;
+/// The file of a repository's lock; none where nothing can be written.
+fn open_lock(root: &Path) -> Option<File> {
+    File::options().create(true).append(true).open(root.join(LOCK_FILE)).ok()
+}
+
+/// Removes the unfinished folders in a folder.
+fn clean(folder: &Path) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        if entry.file_name().to_string_lossy().starts_with(STAGED_PREFIX) && entry.file_type()?.is_dir() {
+            fs::remove_dir_all(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Lets other processes wait until a small file is read and written, where there are locks.
+fn wait_for_lock(path: &Path) -> Result<File, RepositoryError> {
+    let file = File::options().create(true).append(true).open(path).map_err(io_error(path))?;
     let _ = file.lock();
     Ok(file)
+}
+
+/// A new hidden folder.
+fn stage_in(folder: &Path) -> Result<TempDir, RepositoryError> {
+    tempfile::Builder::new().prefix(STAGED_PREFIX).tempdir_in(folder).map_err(io_error(folder))
+}
+
+/// Brings a staged version into the folder of its model, which may lie on another disk.
+fn bring(staged: TempDir, folder: &Path) -> Result<TempDir, RepositoryError> {
+    let near = stage_in(folder)?;
+    match fs::rename(staged.path(), near.path()) {
+        Ok(()) => drop(staged.keep()),
+        Err(error) if error.kind() == ErrorKind::CrossesDevices => {
+            package::copy(staged.path(), near.path()).map_err(io_error(folder))?;
+        }
+        Err(error) => return Err(io_error(folder)(error)),
+    }
+    Ok(near)
+}
+
+/// Puts a small file in the place of the one that is there.
+fn replace(folder: &Path, name: &str, content: &impl Serialize) -> Result<(), RepositoryError> {
+    let staged = stage_in(folder)?;
+    let (unfinished, path) = (staged.path().join(name), folder.join(name));
+    let write = || -> io::Result<()> {
+        let mut file = File::create_new(&unfinished)?;
+        file.write_all(&serde_json::to_vec_pretty(content)?)?;
+        file.sync_all()?;
+        fs::rename(&unfinished, &path)
+    };
+    write().map_err(io_error(&path))?;
+    sync(folder)
 }
 
 /// What lies in a folder, hidden things left out.
@@ -224,14 +284,27 @@ fn visible(folder: &Path) -> io::Result<Vec<Entry>> {
 }
 
 fn read_record(path: &Path) -> Result<Record, RepositoryError> {
-    let mut json = Vec::new();
+    read(path, Record::from_json).map(Option::unwrap_or_default)
+}
+
+fn read_default(path: &Path) -> Result<Option<DefaultModel>, RepositoryError> {
+    read(path, DefaultModel::from_json)
+}
+
+/// Reads a small file; none where there is no such thing.
+fn read<T>(
+    path: &Path,
+    parse: impl FnOnce(&[u8]) -> Result<T, String>,
+) -> Result<Option<T>, RepositoryError> {
     let file = match File::open(path) {
         Ok(file) => file,
-        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Record::default()),
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(io_error(path)(error)),
     };
+    let mut json = Vec::new();
     file.take(MAX_RECORD_BYTES).read_to_end(&mut json).map_err(io_error(path))?;
-    Record::from_json(&json).map_err(|reason| RepositoryError::Record { path: path.to_owned(), reason })
+    let parsed = parse(&json).map_err(|reason| RepositoryError::Record { path: path.to_owned(), reason })?;
+    Ok(Some(parsed))
 }
 
 /// Waits until the names in a folder are on the disk.
@@ -240,184 +313,4 @@ fn sync(folder: &Path) -> Result<(), RepositoryError> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::repository::{Canary, Repository};
-
-    fn repository() -> (TempDir, Repository) {
-        let root = TempDir::new().unwrap();
-        let repository = open(root.path());
-        (root, repository)
-    }
-
-    fn open(root: &Path) -> Repository {
-        Repository::open(root.to_str().unwrap(), Path::new("")).unwrap()
-    }
-
-    /// A folder with something that passes for a model.
-    fn write_version(folder: &Path, content: &str) {
-        fs::create_dir_all(folder).unwrap();
-        fs::write(folder.join(MODEL_FILE), content).unwrap();
-    }
-
-    fn publish(repository: &Repository, id: &VersionId, content: &str) -> Result<(), RepositoryError> {
-        let staged = repository.stage().unwrap();
-        write_version(staged.path(), content);
-        repository.publish(id, staged)
-    }
-
-    fn found(repository: &Repository) -> Vec<String> {
-        let models = repository.scan().unwrap().models;
-        let ids = |(name, listing): (String, Listing)| {
-            listing.versions.into_keys().map(move |version| format!("{name}/{version}")).collect::<Vec<_>>()
-        };
-        models.into_iter().flat_map(ids).collect()
-    }
-
-    #[test]
-    fn versions_are_ordered_as_numbers_and_foreign_things_named() {
-        let (root, repository) = repository();
-        for name in ["lab/9", "lab/10", "lab/latest", "lab/007", ".git/1", "two words/1", "lab/.hidden"] {
-            write_version(&root.path().join(name), "");
-        }
-        fs::create_dir_all(root.path().join("lab/11")).unwrap();
-        fs::create_dir_all(root.path().join("empty")).unwrap();
-        fs::write(root.path().join("notes.txt"), "").unwrap();
-        fs::write(root.path().join("lab/12"), "").unwrap();
-        assert_eq!(found(&repository), ["lab/9", "lab/10"]);
-        let foreign = repository.scan().unwrap().foreign;
-        let named: Vec<&str> = foreign.iter().filter_map(|line| Some(line.split_once(": ")?.0)).collect();
-        assert_eq!(named, ["lab/007", "lab/11", "lab/12", "lab/latest", "notes.txt", "two words"]);
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn links_that_lead_out_are_foreign() {
-        use std::os::unix::fs::symlink;
-        let (root, repository) = repository();
-        let outside = TempDir::new().unwrap();
-        write_version(outside.path(), "");
-        write_version(&root.path().join("lab/1"), "");
-        symlink(outside.path(), root.path().join("lab/2")).unwrap();
-        fs::create_dir(root.path().join("lab/3")).unwrap();
-        symlink(outside.path().join(MODEL_FILE), root.path().join("lab/3").join(MODEL_FILE)).unwrap();
-        symlink(root.path().join("lab/1"), root.path().join("lab/4")).unwrap();
-        symlink("nowhere", root.path().join("lab/5")).unwrap();
-        assert_eq!(found(&repository), ["lab/1", "lab/4"]);
-        let foreign: Vec<String> = repository.scan().unwrap().foreign.into_iter().collect();
-        assert_eq!(foreign.len(), 3, "{foreign:?}");
-        assert!(foreign[0].starts_with("lab/2: it leads out"), "{foreign:?}");
-        assert!(foreign[1].contains("lab/3") && foreign[1].contains("leads out"), "{foreign:?}");
-    }
-
-    #[test]
-    fn names_lead_nowhere_else() {
-        let (_root, repository) = repository();
-        for name in ["..", "../lab", "/lab", "a/b", ""] {
-            let id = VersionId::new(name, 1);
-            assert!(matches!(repository.fetch(&id), Err(RepositoryError::Name(_))), "{name}");
-            assert!(matches!(publish(&repository, &id, ""), Err(RepositoryError::Name(_))), "{name}");
-            assert!(matches!(repository.delete(&id), Err(RepositoryError::Name(_))), "{name}");
-            assert!(matches!(repository.record(name), Err(RepositoryError::Name(_))), "{name}");
-            let written = repository.write_record(name, &Record::default());
-            assert!(matches!(written, Err(RepositoryError::Name(_))), "{name}");
-        }
-    }
-
-    #[test]
-    fn a_version_is_published_once_and_deleted_once() {
-        let (root, repository) = repository();
-        let id = VersionId::new("lab", 3);
-        assert!(matches!(repository.fetch(&id), Err(RepositoryError::NoVersion(_))));
-        publish(&repository, &id, "first").unwrap();
-        assert!(matches!(publish(&repository, &id, "second"), Err(RepositoryError::Exists(_))));
-        let folder = repository.fetch(&id).unwrap();
-        assert_eq!(fs::read_to_string(folder.join(MODEL_FILE)).unwrap(), "first");
-        assert_eq!(found(&repository), ["lab/3"]);
-        repository.delete(&id).unwrap();
-        assert!(matches!(repository.delete(&id), Err(RepositoryError::NoVersion(_))));
-        assert_eq!(found(&repository), [""; 0]);
-        let left = fs::read_dir(root.path()).unwrap().map(|entry| entry.unwrap().file_name());
-        assert_eq!(left.filter(|name| name != LOCK_FILE).collect::<Vec<_>>(), ["lab"]);
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn a_published_version_can_be_read_by_others() {
-        use std::os::unix::fs::PermissionsExt;
-        let (_root, repository) = repository();
-        let id = VersionId::new("lab", 1);
-        publish(&repository, &id, "").unwrap();
-        let mode = fs::metadata(repository.fetch(&id).unwrap()).unwrap().permissions().mode();
-        assert_eq!(mode & 0o777, 0o755);
-    }
-
-    #[test]
-    fn the_fingerprint_changes_with_any_file() {
-        let (root, repository) = repository();
-        let folder = root.path().join("lab/1");
-        write_version(&folder, "first");
-        let fingerprint = || repository.scan().unwrap().models["lab"].versions[&1].clone();
-        let before = fingerprint();
-        assert_eq!(fingerprint(), before);
-        fs::create_dir(folder.join("golden")).unwrap();
-        fs::write(folder.join("golden/kitchen.jpg"), "").unwrap();
-        let with_golden = fingerprint();
-        assert_ne!(with_golden, before);
-        fs::write(folder.join(MODEL_FILE), "longer than before").unwrap();
-        assert_ne!(fingerprint(), with_golden);
-    }
-
-    #[test]
-    fn records_are_kept_and_a_broken_one_stops_nothing_else() {
-        let (root, repository) = repository();
-        assert_eq!(repository.record("lab").unwrap(), Record::default());
-        let canary = Canary { version: 2, share: 0.25 };
-        let record = Record::default().activated(1).with_canary(canary).unwrap();
-        repository.write_record("lab", &record).unwrap();
-        publish(&repository, &VersionId::new("lab", 1), "").unwrap();
-        publish(&repository, &VersionId::new("attic", 1), "").unwrap();
-        let repository = open(root.path());
-        assert_eq!(repository.record("lab").unwrap(), record);
-        assert_eq!(repository.scan().unwrap().models["lab"].record, record);
-        let late = repository.write_record("lab", &Record::default().activated(2));
-        assert!(matches!(late, Err(RepositoryError::Overtaken { epoch: 2, .. })));
-        assert_eq!(repository.record("lab").unwrap(), record);
-        fs::write(root.path().join("lab").join(RECORD_FILE), "{").unwrap();
-        assert!(matches!(repository.record("lab"), Err(RepositoryError::Record { .. })));
-        let scan = repository.scan().unwrap();
-        assert_eq!(scan.models["lab"].record, Record::default());
-        assert!(scan.foreign.iter().any(|line| line.contains(RECORD_FILE)), "{:?}", scan.foreign);
-        assert!(scan.models.contains_key("attic"));
-    }
-
-    #[test]
-    fn what_a_killed_process_left_is_removed_when_nobody_else_is_at_work() {
-        let (root, repository) = repository();
-        let left = repository.stage().unwrap().keep();
-        let other = open(root.path());
-        assert!(left.is_dir(), "the first may still be at work in it");
-        assert_eq!(found(&other), [""; 0]);
-        drop((repository, other));
-        let repository = open(root.path());
-        assert!(!left.exists());
-        let staged = repository.stage().unwrap().path().to_owned();
-        assert!(!staged.exists(), "it was dropped");
-    }
-
-    #[test]
-    fn a_missing_folder_and_a_models_own_folder_say_what_they_are() {
-        let root = TempDir::new().unwrap();
-        let missing = root.path().join("missing");
-        let error = Repository::open(missing.to_str().unwrap(), Path::new("")).unwrap_err().to_string();
-        assert!(error.contains("missing"), "{error}");
-        write_version(&root.path().join("lab/7"), "");
-        let own = open(&root.path().join("lab/7"));
-        assert_eq!(found(&own), ["lab/7"]);
-        assert!(own.fetch(&VersionId::new("lab", 7)).is_ok());
-        assert!(matches!(own.fetch(&VersionId::new("lab", 8)), Err(RepositoryError::NoVersion(_))));
-        assert!(matches!(own.stage(), Err(RepositoryError::ReadOnly(_))));
-        let written = own.write_record("lab", &Record::default());
-        assert!(matches!(written, Err(RepositoryError::ReadOnly(_))));
-    }
-}
+mod tests;

@@ -1,10 +1,14 @@
 //! How models and versions are called.
 
 use super::RepositoryError;
+use super::default::DEFAULT_FILE;
 use std::fmt;
 use std::str::FromStr;
 
 const MAX_NAME_BYTES: usize = 64;
+
+/// The highest number of a version. The one above it would have no next one.
+pub const MAX_VERSION: u64 = u64::MAX - 1;
 
 /// Which version of which model. Displays as `lab/3`.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -19,6 +23,15 @@ impl VersionId {
     /// This version of this model.
     pub fn new(name: impl Into<String>, version: u64) -> Self {
         Self { name: name.into(), version }
+    }
+
+    /// The version of this model that comes after all others, the highest of which is given.
+    ///
+    /// # Errors
+    /// There is no higher number.
+    pub fn after(name: &str, highest: u64) -> Result<Self, RepositoryError> {
+        let version = highest.checked_add(1).filter(|version| *version <= MAX_VERSION);
+        version.map(|version| Self::new(name, version)).ok_or(RepositoryError::NoNumber)
     }
 }
 
@@ -39,15 +52,16 @@ impl FromStr for VersionId {
     }
 }
 
-/// Whether a name can stand in a path, a query and a log as it is.
+/// Whether a name can stand in a path, a query and a log as it is. The one file beside the models is no model.
 pub fn is_name(name: &str) -> bool {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-    !name.is_empty() && name.len() <= MAX_NAME_BYTES && !name.starts_with('.') && name.chars().all(is_plain)
+    let fits = !name.is_empty() && name.len() <= MAX_NAME_BYTES && name != DEFAULT_FILE;
+    fits && !name.starts_with('.') && name.chars().all(is_plain)
 }
 
-/// The number of a version, in its one notation: `007` and `+7` are none.
-pub(super) fn version_number(text: &str) -> Option<u64> {
-    text.parse().ok().filter(|number: &u64| number.to_string() == text)
+/// The number of a version, from 0 to [`MAX_VERSION`], in its one notation: `007` and `+7` are none.
+pub fn version_number(text: &str) -> Option<u64> {
+    text.parse().ok().filter(|number: &u64| *number <= MAX_VERSION && number.to_string() == text)
 }
 
 /// Refuses names that could lead elsewhere.
@@ -64,19 +78,29 @@ mod tests {
         for name in ["lab", "Lab_2.b-c", "x"] {
             assert!(is_name(name), "{name}");
         }
-        for name in ["", ".lab", "..", "a b", "a/b", "a\\b", "caf\u{e9}", &"x".repeat(65)] {
+        for name in ["", ".lab", "..", "a b", "a/b", "a\\b", "caf\u{e9}", "default.json", &"x".repeat(65)] {
             assert!(!is_name(name), "{name}");
         }
     }
 
     #[test]
     fn a_version_has_one_notation() {
-        let id: VersionId = "lab/18446744073709551615".parse().unwrap();
-        assert_eq!((id.to_string().as_str(), id.version), ("lab/18446744073709551615", u64::MAX));
+        let id: VersionId = "lab/18446744073709551614".parse().unwrap();
+        assert_eq!((id.to_string().as_str(), id.version), ("lab/18446744073709551614", MAX_VERSION));
         for text in
-            ["lab", "lab/", "lab/07", "lab/+7", "lab/7/", "../7", "lab/-1", "lab/18446744073709551616"]
+            ["lab", "lab/", "lab/07", "lab/+7", "lab/7/", "../7", "lab/-1", "lab/18446744073709551615"]
         {
-            assert!(text.parse::<VersionId>().unwrap_err().to_string().contains(text), "{text}");
+            let error = text.parse::<VersionId>().unwrap_err().to_string();
+            assert!(error.contains(text) && error.contains("such as 7"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_version_has_a_next_one_until_the_numbers_end() {
+        assert_eq!(VersionId::after("lab", 0).unwrap(), VersionId::new("lab", 1));
+        assert_eq!(VersionId::after("lab", MAX_VERSION - 1).unwrap().version, MAX_VERSION);
+        for highest in [MAX_VERSION, u64::MAX] {
+            assert!(matches!(VersionId::after("lab", highest), Err(RepositoryError::NoNumber)));
         }
     }
 }

@@ -8,6 +8,9 @@ pub(super) const RECORD_FILE: &str = "serving.json";
 /// The longest record that is read.
 pub(super) const MAX_RECORD_BYTES: u64 = 64 << 10;
 
+/// The highest epoch that is believed: so many changes were never made, and there is always a next one.
+pub(super) const MAX_EPOCH: u64 = u64::MAX / 2;
+
 /// Which versions of one model are to serve, and as what.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
@@ -55,6 +58,9 @@ pub enum RecordError {
     /// A share that leaves nothing to one of both.
     #[error("a canary's share must be above 0 and below 1, not {0}")]
     Share(f64),
+    /// A count that nobody can have counted to.
+    #[error("the epoch {0} is no count of changes: give one of at most {MAX_EPOCH}")]
+    Epoch(u64),
 }
 
 impl Record {
@@ -141,6 +147,9 @@ impl Record {
     }
 
     fn check(&self) -> Result<(), RecordError> {
+        if self.epoch > MAX_EPOCH {
+            return Err(RecordError::Epoch(self.epoch));
+        }
         if let Some(Canary { share, .. }) = self.canary
             && !(share > 0.0 && share < 1.0)
         {
@@ -234,5 +243,7 @@ mod tests {
         {
             assert!(Record::from_json(text.as_bytes()).is_err(), "{text}");
         }
+        let worn = Record::from_json(format!(r#"{{"epoch":{}}}"#, u64::MAX).as_bytes()).unwrap_err();
+        assert!(worn.contains("epoch"), "{worn}");
     }
 }

@@ -13,8 +13,9 @@ pub struct Single {
 }
 
 impl Single {
-    pub(super) fn new(folder: PathBuf) -> Self {
-        Self { id: id_of(&folder), folder }
+    /// The model in a folder, which is called as `real` is: the same folder without links.
+    pub(super) fn new(folder: PathBuf, real: &Path) -> Self {
+        Self { id: id_of(real), folder }
     }
 
     pub(super) fn scan(&self) -> Result<Scan, RepositoryError> {

@@ -13,7 +13,7 @@ pub async fn answers(
     asked: Asked,
     frames: Vec<Frame>,
 ) -> Result<Vec<Result<Answer, Problem>>, Problem> {
-    let slots = app.pool.admit(frames.len())?;
+    let slots = app.pool.admit(&asked.caller, frames.len())?;
     let jobs = slots.into_iter().zip(frames);
     let waiting: Vec<_> =
         jobs.map(|(slot, frame)| recognize::recognize(&app, slot, frame, asked.task.clone())).collect();

@@ -3,7 +3,7 @@
 use super::problem::{Kind, Problem};
 use super::recognize::{Seen, Timings};
 use super::registry::{
-    CANARY, Entry, Failure, PREVIOUS, SHADOW, STABLE, ServedModel, Serving, Tally, Version,
+    CANARY, Entry, Failure, PREVIOUS, Registry, SHADOW, STABLE, ServedModel, Serving, Tally, Version,
 };
 use crate::model::Evidence;
 use crate::protocol::rest::{
@@ -29,6 +29,7 @@ impl Answer {
             probabilities: rooms(places, &recognition.probabilities, query.top),
             model: ModelName::from(&**served),
             keypoints: recognition.n_keypoints,
+            damaged_rows: seen.damaged_rows,
             timings_ms: TimingsMs::from(seen.timings),
             request_id: request_id.to_owned(),
             robot: query.robot.clone(),
@@ -100,10 +101,12 @@ impl From<Evidence> for KeypointEvidence {
 
 impl ModelInfo {
     /// What a caller reads of one model.
-    pub fn new(name: &str, entry: &Entry, serving: &Serving) -> Self {
+    pub fn new(name: &str, entry: &Entry, registry: &Registry) -> Self {
+        let serving = &registry.serving(name);
         let versions = entry.versions.iter().rev();
         Self {
             name: name.to_owned(),
+            default: registry.default_name().as_deref() == Some(name),
             serving: serving.stable.as_ref().map(|served| served.version),
             epoch: entry.record.epoch,
             versions: versions.map(|(&number, version)| VersionInfo::new(number, version, serving)).collect(),

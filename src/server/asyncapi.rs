@@ -22,11 +22,12 @@ const SERVER_EXAMPLES: [(&str, &str); 7] = [
     (
         "hello",
         r#"{"type": "hello", "protocol": "roomsight.v1", "session": "0f3a5d1c9b7e48262d10c4f58e93ab67",
+            "stream": "c41f07d2a95be836",
             "resumed": false, "next_seq": 0,
             "settings": {"robot": "wall-e", "model": "lab", "mode": "latest", "interval_ms": null,
-                "filter": {"trust": 0.2}, "deadline_ms": null, "top": null},
+                "filter": {"trust": 2.0}, "deadline_ms": null, "top": null},
             "limits": {"max_frame_bytes": 16777216, "max_frame_pixels": 50000000, "window": 16,
-                "idle_timeout_ms": 45000, "resume_ms": 30000},
+                "idle_timeout_ms": 180000, "message_timeout_ms": 120000, "resume_ms": 30000},
             "modes": ["latest", "lossless", "sampled"],
             "model": {"name": "lab", "version": 1, "epoch": 1, "digest": "5f0c2a9be1d34c77"},
             "rooms": ["corridor", "kitchen"]}"#,
@@ -42,7 +43,7 @@ const SERVER_EXAMPLES: [(&str, &str); 7] = [
             "probabilities": [{"room": "kitchen", "probability": 0.75}, {"room": "corridor", "probability": 0.25}],
             "model": {"name": "lab", "version": 1, "epoch": 1, "digest": "5f0c2a9be1d34c77"}, "keypoints": 182,
             "timings_ms": {"queue": 0.05, "decode": 1.9, "features": 2.4, "classify": 0.3},
-            "request_id": "0f3a5d1c9b7e48262d10c4f58e93ab67", "robot": "wall-e",
+            "request_id": "c41f07d2a95be836", "robot": "wall-e",
             "filtered": {"room": "kitchen", "probability": 0.875,
                 "probabilities": [{"room": "kitchen", "probability": 0.875},
                     {"room": "corridor", "probability": 0.125}]},
@@ -53,7 +54,7 @@ const SERVER_EXAMPLES: [(&str, &str); 7] = [
         "error",
         r#"{"type": "error", "seq": 14, "problem": {"type": "/problems/not-an-image",
             "title": "The body is not an image that can be read", "status": 422,
-            "detail": "the image ends in the middle", "request_id": "0f3a5d1c9b7e48262d10c4f58e93ab67"}}"#,
+            "detail": "the image ends in the middle", "request_id": "c41f07d2a95be836"}}"#,
     ),
     (
         "model_changed",
@@ -76,9 +77,13 @@ pub fn stream_document() -> Value {
             "version": env!("CARGO_PKG_VERSION"),
             "description": "A robot sends frames over a WebSocket as it takes them, and hears of each what \
                 became of it. Every accepted frame gets exactly one of `result`, `dropped` or `error` with its \
-                `seq`, in increasing order of `seq`. Close codes: 1001 the service stops; 1008 nothing was \
-                heard for too long, what came was no message, or the stream goes on over another connection; 1009 a message is too \
-                long; 1013 too many streams, try again later."
+                `seq`, in increasing order of `seq`. Close codes: 1001 the service stops; 1002 what came is not \
+                what RFC 6455 allows; 1007 a text is no UTF-8; 1008 nothing was heard for too long, a message was \
+                not complete in time, the stream goes on over another connection, or the key that opened it is \
+                valid no longer; 1009 a message is too long; \
+                1013 try again later: no place is free, this caller has its share of them, no model serves, the \
+                stream gave its place to another while it had no connection, or a message stood still while \
+                others waited for its room. Fields that are not described here may come later: pass over them."
         },
         "servers": {"local": {"host": "127.0.0.1:8080", "protocol": "ws"}},
         "channels": {"stream": {
@@ -86,9 +91,12 @@ pub fn stream_document() -> Value {
             "description": format!(
                 "The subprotocol is `{SUBPROTOCOL}`. Where keys are asked for: the header \
                  `Authorization: Bearer KEY`, or a second subprotocol `{KEY_SUBPROTOCOL_PREFIX}KEY`. The query \
-                 takes what `configure` takes, and `session` and `last_seq` to resume. In the mode `lossless` \
-                 nothing is read beyond `limits.window` frames without an answer: a client that keeps to it \
-                 has its own pings answered in time."
+                 takes what `configure` takes, and `session` and `last_seq` to resume, with the key that opened \
+                 the stream. In the mode `lossless` \
+                 nothing is read beyond `limits.window` frames without an answer, nor while the service has no \
+                 memory for a frame: a client that keeps to the window has its own pings answered in time. In \
+                 the other modes the largest frames under way of the caller who holds most are dropped with \
+                 `overload` where memory is short."
             ),
             "messages": {
                 "frame": {
@@ -96,8 +104,11 @@ pub fn stream_document() -> Value {
                     "summary": "A frame, a binary message",
                     "description": "The encoded image as it is, numbered 0, 1, 2, ... by the service. Or a \
                         header before it: the bytes RSF1, flags (little-endian u32, bit 0: the time is \
-                        given), the frame's number (little-endian u64), the time of capture (little-endian \
-                        u64, nanoseconds since 1970)."
+                        given), the frame's number (little-endian u64, larger than those before it, at most \
+                        2^52, so that every reader of JSON can tell numbers apart), the time of capture \
+                        (little-endian u64, nanoseconds since 1970). The filter goes by these times where they \
+                        advance by at most an hour more than the service's clock; else by the times at which \
+                        frames arrive, which the first such `result` says in `notice`."
                 },
                 "client": message("What a robot says, a text message", "ClientMessage", &CLIENT_EXAMPLES),
                 "server": message("What the service says, a text message", "ServerMessage", &SERVER_EXAMPLES)

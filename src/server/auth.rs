@@ -1,7 +1,21 @@
-//! Who may call: keys, their roles, and the check that comes before anything else.
+//! Who may call: keys, their roles, sessions, pages of other sites, and the check that comes before anything
+//! else.
 //!
-//! A key is 256 random bits, so that nobody can guess one from its hash however fast the hash is:
-//! a slow password hash would only cost every request its time.
+//! | file | what |
+//! |---|---|
+//! | `key` | a key: its role, its name, its robots |
+//! | `keyring` | the keys that are valid now |
+//! | `session` | signing in from a browser |
+//! | `site` | names of the service, and pages that may call it |
+
+mod key;
+mod keyring;
+pub mod session;
+mod site;
+
+pub use key::{Key, KeyError, Role, check_together};
+pub use keyring::Keyring;
+pub use site::{Sites, has_one_host};
 
 use super::App;
 use super::problem::Problem;
@@ -10,62 +24,13 @@ use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use base64::Engine;
-use base64::prelude::BASE64_URL_SAFE_NO_PAD;
-use serde::{Deserialize, Serialize};
-use std::fmt;
-use std::str::FromStr;
-use subtle::ConstantTimeEq;
+use std::sync::Arc;
 
-/// What begins every key, so that a key found in a file is known for what it is.
-const KEY_PREFIX: &str = "rs_";
 /// The header that is read where `Authorization: Bearer` is not given.
 const KEY_HEADER: &str = "x-api-key";
-const MAX_NAME_BYTES: usize = 64;
-
-/// What a key allows.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Role {
-    /// Posts frames.
-    Robot,
-    /// Reads models and what happens.
-    Viewer,
-    /// Does everything.
-    Admin,
-}
-
-/// A key as the service knows it: whose it is, what it allows, and its hash.
-///
-/// As text `role:name:hash`, the hash in 64 hexadecimal digits. Debugged or serialized, the hash
-/// is left out.
-#[derive(Clone, Deserialize)]
-#[serde(try_from = "String")]
-pub struct Key {
-    role: Role,
-    name: String,
-    hash: blake3::Hash,
-}
-
-/// Why a key's line was refused.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-pub enum KeyError {
-    /// Not three parts.
-    #[error("an entry of `keys` is not `role:name:hash`; `roomsight key new` prints one that is")]
-    Shape,
-    /// A role that does not exist.
-    #[error("{0:?} is no role; roles are robot, viewer, admin")]
-    Role(String),
-    /// A name that would not read well in a log.
-    #[error("a key cannot be named {0:?}: use 1 to 64 letters, digits, `-`, `_` or `.`")]
-    Name(String),
-    /// Not a hash.
-    #[error("the hash of {0:?} in `keys` is not 64 hexadecimal digits")]
-    Hash(String),
-}
 
 /// Why a caller was turned away.
-#[derive(Clone, Copy, Debug, thiserror::Error, PartialEq, Eq)]
+#[derive(Clone, Debug, thiserror::Error, PartialEq, Eq)]
 pub enum AuthError {
     /// No key was sent.
     #[error("send a key in the header `Authorization: Bearer KEY`")]
@@ -73,142 +38,97 @@ pub enum AuthError {
     /// A key that nobody has.
     #[error("the key is not known here; check it, or ask the operator for one")]
     Unknown,
-    /// A page of another site, in a browser that can reach a service without keys.
-    #[error("a page of another site may not open a stream here; give the service keys, and the page one")]
-    Origin,
+    /// A session that is over, or never was.
+    #[error("the session is over; sign in again: POST /v1/session with a key")]
+    Session,
+    /// A name that is not known to be ours, on a service without keys.
+    #[error(
+        "without keys the service does not answer to the name {0:?}: add it to the setting `hosts`, call the \
+         service by its address, or give it keys"
+    )]
+    Host(String),
+    /// A page of another site, in a browser that can reach a service without keys or has a session.
+    #[error(
+        "a page of another site ({0:?}) may not do this here: add its origin to the setting `origins`; \
+         where it is a page of this service behind a proxy, let the proxy pass the header Host"
+    )]
+    Origin(String),
     /// A key whose role does not allow this.
-    #[error("a key with the role {has} may not do this; it takes the role {needs}, or admin")]
+    #[error("a key with the role {has} may not do this; it takes the role {}", either(.needs))]
     Forbidden {
         /// The role of the key that was sent.
         has: Role,
-        /// The role that would do.
-        needs: Role,
+        /// The roles that would do beside admin.
+        needs: &'static [Role],
     },
+    /// A robot that another key is bound to, or that is not one of those of the caller's key.
+    #[error("the key does not speak for the robot {0:?}; name one of its own, or use that robot's key")]
+    Robot(String),
 }
 
-impl fmt::Display for Role {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.write_str(match self {
-            Self::Robot => "robot",
-            Self::Viewer => "viewer",
-            Self::Admin => "admin",
-        })
-    }
+fn either(roles: &[Role]) -> String {
+    roles.iter().chain([&Role::Admin]).map(Role::to_string).collect::<Vec<_>>().join(" or ")
 }
 
-impl FromStr for Role {
-    type Err = KeyError;
-
-    fn from_str(text: &str) -> Result<Self, KeyError> {
-        [Self::Robot, Self::Viewer, Self::Admin]
-            .into_iter()
-            .find(|role| role.to_string() == text)
-            .ok_or_else(|| KeyError::Role(text.to_owned()))
-    }
-}
-
-impl Key {
-    /// Makes a key of 32 random bytes: what the caller keeps, and what the service keeps.
-    pub fn new(role: Role, name: &str, random: &[u8; 32]) -> Result<(String, Self), KeyError> {
-        let secret = format!("{KEY_PREFIX}{}", BASE64_URL_SAFE_NO_PAD.encode(random));
-        let hash = blake3::hash(secret.as_bytes());
-        Ok((secret, Self { role, name: checked_name(name)?, hash }))
-    }
-
-    /// The line of the configuration, hash and all.
-    pub fn to_line(&self) -> String {
-        format!("{}:{}:{}", self.role, self.name, self.hash)
-    }
-}
-
-impl TryFrom<String> for Key {
-    type Error = KeyError;
-
-    fn try_from(line: String) -> Result<Self, KeyError> {
-        let mut parts = line.split(':');
-        let (Some(role), Some(name), Some(hash), None) =
-            (parts.next(), parts.next(), parts.next(), parts.next())
-        else {
-            return Err(KeyError::Shape);
-        };
-        let name = checked_name(name)?;
-        let hash = blake3::Hash::from_hex(hash).map_err(|_| KeyError::Hash(name.clone()))?;
-        Ok(Self { role: role.parse()?, name, hash })
-    }
-}
-
-fn checked_name(name: &str) -> Result<String, KeyError> {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
-    if name.is_empty() || name.len() > MAX_NAME_BYTES || !name.chars().all(is_plain) {
-        return Err(KeyError::Name(name.to_owned()));
-    }
-    Ok(name.to_owned())
-}
-
-impl fmt::Debug for Key {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        write!(f, "{}:{}:(hidden)", self.role, self.name)
-    }
-}
-
-impl Serialize for Key {
-    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(&format_args!("{self:?}"))
-    }
-}
-
-/// Whether a caller with these headers may do what takes the role `needs`; without `keys` anyone
-/// may. Returns the name of the key.
-pub fn authorize<'a>(
-    keys: &'a [Key],
-    headers: &HeaderMap,
-    needs: Role,
-) -> Result<Option<&'a str>, AuthError> {
-    if keys.is_empty() {
+/// The key of a caller that may do what takes one of these roles; none where there are no keys.
+///
+/// # Errors
+/// Why it may not.
+fn admit(app: &App, needs: &'static [Role], request: &Request) -> Result<Option<Arc<Key>>, AuthError> {
+    let headers = request.headers();
+    if app.keyring.is_open() {
+        app.sites.check_host(headers)?;
+        app.sites.check_origin(request.method(), headers)?;
         return Ok(None);
     }
-    let hash = blake3::hash(secret(headers).ok_or(AuthError::Missing)?);
-    // All keys are compared, so that time does not tell which one is near.
-    let mut found = None;
-    for key in keys {
-        if key.hash.as_bytes().ct_eq(hash.as_bytes()).into() {
-            found = Some(key);
+    let key = match (presented(headers), session::of(headers)) {
+        (Some(secret), _) => app.keyring.find(secret).ok_or(AuthError::Unknown)?,
+        (None, Some(session)) => {
+            let key = app.keyring.find_session(session).ok_or(AuthError::Session)?;
+            // The browser sends it by itself, whichever page calls.
+            app.sites.check_origin(request.method(), headers)?;
+            key
         }
-    }
-    let key = found.ok_or(AuthError::Unknown)?;
-    if key.role == needs || key.role == Role::Admin {
-        Ok(Some(&key.name))
+        (None, None) => return Err(AuthError::Missing),
+    };
+    if needs.contains(&key.role()) || key.role() == Role::Admin {
+        Ok(Some(key))
     } else {
-        Err(AuthError::Forbidden { has: key.role, needs })
+        Err(AuthError::Forbidden { has: key.role(), needs })
     }
 }
 
 /// Lets robots pass.
 pub async fn robots(State(app): State<App>, request: Request, next: Next) -> Response {
-    pass(&app, Role::Robot, request, next).await
+    pass(&app, &[Role::Robot], request, next).await
 }
 
 /// Lets viewers pass.
 pub async fn viewers(State(app): State<App>, request: Request, next: Next) -> Response {
-    pass(&app, Role::Viewer, request, next).await
+    pass(&app, &[Role::Viewer], request, next).await
+}
+
+/// Lets whoever has a key pass, whatever its role.
+pub async fn holders(State(app): State<App>, request: Request, next: Next) -> Response {
+    pass(&app, &[Role::Robot, Role::Viewer], request, next).await
 }
 
 /// Lets admins pass.
 pub async fn admins(State(app): State<App>, request: Request, next: Next) -> Response {
-    pass(&app, Role::Admin, request, next).await
+    pass(&app, &[], request, next).await
 }
 
-/// The name of the key of a request that has one.
+/// The name of the key of a request that has one; the key itself is an extension beside it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct KeyName(pub String);
 
-async fn pass(app: &App, needs: Role, mut request: Request, next: Next) -> Response {
-    match authorize(&app.settings.keys, request.headers(), needs) {
-        Ok(name) => {
-            if let Some(name) = name {
-                tracing::Span::current().record("key", name);
-                let name = KeyName(name.to_owned());
-                request.extensions_mut().insert(name);
+async fn pass(app: &App, needs: &'static [Role], mut request: Request, next: Next) -> Response {
+    match admit(app, needs, &request) {
+        Ok(key) => {
+            if let Some(key) = key {
+                tracing::Span::current().record("key", key.name());
+                request.extensions_mut().insert(KeyName(key.name().to_owned()));
+                request.extensions_mut().insert(key);
             }
             next.run(request).await
         }
@@ -216,7 +136,8 @@ async fn pass(app: &App, needs: Role, mut request: Request, next: Next) -> Respo
     }
 }
 
-fn secret(headers: &HeaderMap) -> Option<&[u8]> {
+/// The secret that a request carries.
+fn presented(headers: &HeaderMap) -> Option<&[u8]> {
     let bearer = headers.get(header::AUTHORIZATION).and_then(|value| {
         let (scheme, key) = value.as_bytes().split_at_checked("Bearer ".len())?;
         scheme.eq_ignore_ascii_case(b"Bearer ").then_some(key.trim_ascii())
@@ -240,80 +161,24 @@ mod tests {
         HeaderMap::from_iter([(name.parse().unwrap(), value.parse().unwrap())])
     }
 
-    fn key(role: Role, seed: u8) -> (String, Key) {
-        Key::new(role, "someone", &[seed; 32]).unwrap()
-    }
-
     #[test]
-    fn a_role_may_do_its_own_and_admin_everything() {
-        let made: Vec<_> = [Role::Robot, Role::Viewer, Role::Admin]
-            .into_iter()
-            .zip(1..)
-            .map(|(r, s)| (r, key(r, s)))
-            .collect();
-        let keys: Vec<Key> = made.iter().map(|(_, (_, key))| key.clone()).collect();
-        for (has, (secret, _)) in &made {
-            for needs in [Role::Robot, Role::Viewer, Role::Admin] {
-                let result = authorize(&keys, &headers("authorization", &format!("Bearer {secret}")), needs);
-                if *has == needs || *has == Role::Admin {
-                    assert_eq!(result, Ok(Some("someone")));
-                } else {
-                    assert_eq!(result, Err(AuthError::Forbidden { has: *has, needs }));
-                }
-            }
-        }
-    }
-
-    #[test]
-    fn the_key_is_read_from_either_header() {
-        let (secret, key) = key(Role::Robot, 1);
-        let keys = [key];
+    fn the_key_is_read_from_any_of_its_places() {
         for headers in [
-            headers("authorization", &format!("Bearer {secret}")),
-            headers("authorization", &format!("bearer  {secret}")),
-            headers("x-api-key", &secret),
+            headers("authorization", "Bearer rs_a"),
+            headers("authorization", "bearer  rs_a"),
+            headers("x-api-key", "rs_a"),
+            headers("sec-websocket-protocol", "roomsight.v1, key.rs_a"),
         ] {
-            assert!(authorize(&keys, &headers, Role::Robot).is_ok());
+            assert_eq!(presented(&headers), Some(&b"rs_a"[..]), "{headers:?}");
         }
+        assert_eq!(presented(&headers("authorization", "Basic abc")), None);
+        assert_eq!(presented(&headers("authorization", "rs_a")), None);
     }
 
     #[test]
-    fn no_key_and_a_wrong_key_are_told_apart() {
-        let (secret, known) = key(Role::Robot, 1);
-        let keys = [known];
-        assert_eq!(authorize(&keys, &HeaderMap::new(), Role::Robot), Err(AuthError::Missing));
-        for wrong in ["Basic abc", &secret] {
-            assert_eq!(
-                authorize(&keys, &headers("authorization", wrong), Role::Robot),
-                Err(AuthError::Missing)
-            );
-        }
-        for wrong in [key(Role::Robot, 2).0, secret[1..].to_owned(), format!("{secret}x"), String::new()] {
-            let headers = headers("authorization", &format!("Bearer {wrong}"));
-            assert_eq!(authorize(&keys, &headers, Role::Robot), Err(AuthError::Unknown));
-        }
-    }
-
-    #[test]
-    fn without_keys_anyone_passes() {
-        assert_eq!(authorize(&[], &HeaderMap::new(), Role::Admin), Ok(None));
-    }
-
-    #[test]
-    fn a_line_is_read_back_and_a_bad_one_says_why() {
-        let (_, made) = key(Role::Viewer, 3);
-        assert_eq!(Key::try_from(made.to_line()).unwrap().to_line(), made.to_line());
-        let hash = "0".repeat(64);
-        for (line, error) in [
-            ("robot".to_owned(), KeyError::Shape),
-            (format!("robot:a:b:{hash}"), KeyError::Shape),
-            (format!("king:a:{hash}"), KeyError::Role("king".into())),
-            (format!("robot:a b:{hash}"), KeyError::Name("a b".into())),
-            (format!("robot::{hash}"), KeyError::Name(String::new())),
-            ("robot:a:12".to_owned(), KeyError::Hash("a".into())),
-        ] {
-            assert_eq!(Key::try_from(line).unwrap_err(), error);
-        }
-        assert_eq!(Key::new(Role::Robot, "a:b", &[0; 32]).unwrap_err(), KeyError::Name("a:b".into()));
+    fn the_roles_that_would_do_are_named() {
+        let text = |needs| AuthError::Forbidden { has: Role::Robot, needs }.to_string();
+        assert!(text(&[Role::Viewer]).ends_with("it takes the role viewer or admin"));
+        assert!(text(&[]).ends_with("it takes the role admin"), "{}", text(&[]));
     }
 }

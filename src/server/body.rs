@@ -2,31 +2,38 @@
 //!
 //! A body is read without a slot in the queue, so that slow senders hold no thread's next job back:
 //! a full queue is noticed before the first byte is read, and the slot is taken when the frame is
-//! whole. What slow senders can hold is memory, which is bounded for all bodies together.
+//! whole. What slow senders can hold is memory, which is bounded for all bodies together and for each
+//! caller, see [`Bodies`](super::bodies::Bodies).
 
 use super::App;
+use super::bodies::Held;
+use super::caller::CallerId;
+use super::media_type::{MediaType, content_type};
+use super::places::Line;
 use super::pool::QueueFull;
 use super::problem::Problem;
+use super::recognize::RecognizeError;
+use crate::protocol::base64_text;
+use crate::protocol::object::Object;
 use crate::protocol::rest::FrameJson;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{FromRequest, Multipart, Request};
-use axum::http::{HeaderMap, header};
-use base64::Engine;
-use base64::prelude::BASE64_STANDARD;
+use axum::http::header;
 use http_body_util::BodyExt;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
 use std::time::Duration;
-use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::runtime::Handle;
+use tokio::sync::OwnedSemaphorePermit;
 use tokio::time::timeout;
 
 /// Bytes of a form or of JSON beside the frame, or of JSON without one.
 const ENVELOPE_BYTES: usize = 16 << 10;
 /// The most that is allocated because a caller said how long a body will be.
 const MAX_TRUSTED_BYTES: usize = 256 << 10;
-/// When to come back where no memory for bodies is left.
-const MEMORY_WAIT: Duration = Duration::from_secs(1);
+/// The longest body that is taken apart on the thread that received it, which takes a millisecond or two.
+const MAX_BYTES_AT_ONCE: usize = 1 << 20;
 /// The field of a form that holds a frame.
 const FIELD: &str = "frame";
 
@@ -34,17 +41,14 @@ const FIELD: &str = "frame";
 pub struct Frame {
     /// The encoded image.
     pub bytes: Bytes,
-    held: Arc<OwnedSemaphorePermit>,
+    /// Gives the memory back when it is dropped.
+    held: Arc<dyn Send + Sync>,
 }
 
 impl Frame {
-    /// Takes the memory for bytes that are here already.
-    ///
-    /// # Errors
-    /// None is left.
-    pub fn hold(bytes: Bytes, memory: &Arc<Semaphore>) -> Result<Self, BodyError> {
-        let held = Arc::new(take(memory, bytes.len())?);
-        Ok(Self { bytes, held })
+    /// Bytes whose memory is `held`.
+    pub fn new(bytes: Bytes, held: OwnedSemaphorePermit) -> Self {
+        Self { bytes, held: Arc::new(held) }
     }
 
     /// Bytes that are a part of these, or were decoded from them: they share their memory.
@@ -83,43 +87,47 @@ pub enum BodyError {
     /// Compressed.
     #[error("a body with the Content-Encoding {0:?} is not read here; send it as it is")]
     Encoded(String),
+    /// An image without the bytes that `curl -d` leaves out.
+    #[error(
+        "this is no image, or it lost bytes on the way; send it with `curl --data-binary @frame.jpg` (`-d` leaves \
+         out zeros and ends of lines), or as multipart/form-data with `curl -F frame=@frame.jpg`"
+    )]
+    Stripped,
     /// Not what its type says.
     #[error("{0}")]
     Malformed(String),
     /// The connection broke.
     #[error("the body broke off: {0}")]
     Broken(String),
-    /// All memory for bodies is in use.
-    #[error("too many bodies are being received; try again after the time in Retry-After")]
+    /// All memory for bodies is in use, or the caller's share of it.
+    #[error(
+        "too many bytes are being received, from this caller or from all; try again after the time in Retry-After"
+    )]
     NoMemory(QueueFull),
-}
-
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum MediaType {
-    Image,
-    Form,
-    Json,
 }
 
 impl FromRequest<App> for OneFrame {
     type Rejection = Problem;
 
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
-        const TYPES: &str = "image/jpeg, image/png, image/webp, image/bmp, image/x-portable-graymap or \
-            application/octet-stream, multipart/form-data with a field `frame`, or application/json with \
-            base64 in `frame`";
-        let media_type = media_type(request.headers(), TYPES)?;
+        const TYPES: &str = "the image itself, as image/jpeg or as application/octet-stream, \
+            multipart/form-data with a field `frame`, or application/json with base64 in `frame`";
+        let told = MediaType::told(request.headers(), TYPES)?;
         let max_bytes = app.settings.max_frame_bytes;
-        let limit = match media_type {
-            MediaType::Image => max_bytes,
+        let limit = match told {
+            MediaType::Image | MediaType::Untold => max_bytes,
             MediaType::Form => max_bytes + ENVELOPE_BYTES,
-            MediaType::Json => max_bytes.div_ceil(3) * 4 + ENVELOPE_BYTES,
+            MediaType::Json => base64_text::longest(max_bytes) + ENVELOPE_BYTES,
         };
         let (request, body) = read(app, request, limit).await?;
-        let frame = match media_type {
-            MediaType::Image => body,
-            MediaType::Form => only(form_frames(request, body, 2).await?)?,
-            MediaType::Json => Frame { bytes: json_frame(&body.bytes)?, ..body },
+        let frame = if told == MediaType::Form {
+            only(form_frames(app, request, body, 2).await?)?
+        } else if told.judged(&body.bytes)? == MediaType::Json {
+            let n_bytes = body.bytes.len();
+            let read = move || Ok::<_, BodyError>(body.part(json_frame(&body.bytes)?));
+            take_apart(app, &CallerId::of(request.extensions()), n_bytes, read).await??
+        } else {
+            body
         };
         if frame.bytes.len() > max_bytes {
             return Err(BodyError::TooLarge { limit: max_bytes }.into());
@@ -134,12 +142,12 @@ impl FromRequest<App> for Frames {
     async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
         const TYPES: &str = "multipart/form-data with a field `frame` for each frame";
         let headers = request.headers();
-        if media_type(headers, TYPES)? != MediaType::Form {
+        if MediaType::told(headers, TYPES)? != MediaType::Form {
             return Err(BodyError::UnsupportedType(content_type(headers).to_owned(), TYPES).into());
         }
         let max_frames = app.settings.max_batch_frames;
         let (request, body) = read(app, request, app.settings.max_batch_bytes).await?;
-        let frames = form_frames(request, body, max_frames + 1).await?;
+        let frames = form_frames(app, request, body, max_frames + 1).await?;
         match frames.len() {
             0 => Err(BodyError::Empty.into()),
             n if n > max_frames => Err(BodyError::TooManyFrames(max_frames).into()),
@@ -156,15 +164,19 @@ pub async fn read(app: &App, request: Request, limit: usize) -> Result<(Request,
     if app.is_draining() {
         return Err(Problem::Draining);
     }
-    app.pool.has_room()?;
+    app.pool.has_room(&CallerId::of(request.extensions()))?;
     let (request, frame) = receive(app, request, limit).await?;
     if frame.bytes.is_empty() { Err(BodyError::Empty.into()) } else { Ok((request, frame)) }
 }
 
-/// Reads the body of a request without frames: a little JSON; its default where there is none.
-pub async fn read_json<T: DeserializeOwned + Default>(app: &App, request: Request) -> Result<T, BodyError> {
+/// Reads the body of a request without frames: a little object of JSON, if there is one.
+pub async fn read_json<T: DeserializeOwned>(app: &App, request: Request) -> Result<Option<T>, BodyError> {
     let (_, body) = receive(app, request, ENVELOPE_BYTES).await?;
-    if body.bytes.is_empty() { Ok(T::default()) } else { from_json(&body.bytes) }
+    if body.bytes.is_empty() {
+        return Ok(None);
+    }
+    let object: Option<Object<T>> = from_json(&body.bytes)?;
+    Ok(object.map(|Object(value)| value))
 }
 
 /// Reads a body of at most `limit` bytes, within time.
@@ -174,7 +186,9 @@ async fn receive(app: &App, mut request: Request, limit: usize) -> Result<(Reque
     }
     let body = std::mem::take(request.body_mut());
     let patience = app.settings.body_timeout();
-    let received = timeout(patience, collect(body, limit, &app.body_memory)).await;
+    let held = app.bodies.begin(CallerId::of(request.extensions()))?;
+    let _waits = request.extensions().get::<Arc<Line>>().map(Line::waits);
+    let received = timeout(patience, collect(body, limit, held)).await;
     Ok((request, received.map_err(|_| BodyError::Slow(patience))??))
 }
 
@@ -183,20 +197,24 @@ fn declared(body: &Body) -> usize {
     usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX)
 }
 
-/// Reads a body of at most `limit` bytes, each byte of which is taken from `memory` as it comes.
-async fn collect(mut body: Body, limit: usize, memory: &Arc<Semaphore>) -> Result<Frame, BodyError> {
+/// Reads a body of at most `limit` bytes, the memory for which is taken as they come.
+async fn collect(mut body: Body, limit: usize, mut held: Held) -> Result<Frame, BodyError> {
     let declared = declared(&body);
-    let mut held = take(memory, 0)?;
     // A body that comes in one piece is not copied.
     let mut whole = Bytes::new();
     let mut pieces = Vec::new();
-    while let Some(piece) = body.frame().await {
+    loop {
+        let piece = tokio::select! {
+            piece = body.frame() => piece,
+            gave_way = held.gives_way() => return Err(gave_way),
+        };
+        let Some(piece) = piece else { break };
         let piece = piece.map_err(|error| BodyError::Broken(error.to_string()))?;
         let Ok(piece) = piece.into_data() else { continue };
-        if held.num_permits() + piece.len() > limit {
+        if held.n_bytes() + piece.len() > limit {
             return Err(BodyError::TooLarge { limit });
         }
-        held.merge(take(memory, piece.len())?);
+        held.take(piece.len(), declared).await?;
         if whole.is_empty() && pieces.is_empty() {
             whole = piece;
         } else {
@@ -207,37 +225,45 @@ async fn collect(mut body: Body, limit: usize, memory: &Arc<Semaphore>) -> Resul
             pieces.extend_from_slice(&piece);
         }
     }
+    held.complete();
     let bytes = if pieces.is_empty() { whole } else { Bytes::from(pieces) };
     Ok(Frame { bytes, held: Arc::new(held) })
 }
 
-fn take(memory: &Arc<Semaphore>, n_bytes: usize) -> Result<OwnedSemaphorePermit, BodyError> {
-    let full = BodyError::NoMemory(QueueFull { retry_after: MEMORY_WAIT });
-    let Ok(n_bytes) = u32::try_from(n_bytes) else { return Err(full) };
-    memory.clone().try_acquire_many_owned(n_bytes).map_err(|_| full)
-}
-
-fn content_type(headers: &HeaderMap) -> &str {
-    headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or_default()
-}
-
-/// How to read a body; one without a type is taken for an image.
-fn media_type(headers: &HeaderMap, types: &'static str) -> Result<MediaType, BodyError> {
-    let content_type = content_type(headers);
-    let essence = content_type.split(';').next().unwrap_or_default().trim().to_ascii_lowercase();
-    match essence.as_str() {
-        "" | "application/octet-stream" => Ok(MediaType::Image),
-        "image/jpeg" | "image/png" | "image/webp" | "image/bmp" | "image/x-portable-graymap" => {
-            Ok(MediaType::Image)
-        }
-        "multipart/form-data" => Ok(MediaType::Form),
-        "application/json" => Ok(MediaType::Json),
-        _ => Err(BodyError::UnsupportedType(content_type.to_owned(), types)),
+/// Takes a body of `n_bytes` apart: a long one as its caller's work, on a thread that recognizes, so that those
+/// that serve sockets go on.
+pub async fn take_apart<T: Send + 'static>(
+    app: &App,
+    caller: &CallerId,
+    n_bytes: usize,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Problem> {
+    if n_bytes <= MAX_BYTES_AT_ONCE {
+        return Ok(work());
     }
+    let slot = app.pool.admit_one(caller)?;
+    Ok(app.pool.run(slot, |_| work()).await.map_err(RecognizeError::from)?)
 }
 
 /// The frames of a form in the order sent, at most `max_frames` of them.
-async fn form_frames(request: Request, body: Frame, max_frames: usize) -> Result<Vec<Frame>, BodyError> {
+async fn form_frames(
+    app: &App,
+    request: Request,
+    body: Frame,
+    max_frames: usize,
+) -> Result<Vec<Frame>, Problem> {
+    let caller = CallerId::of(request.extensions());
+    let n_bytes = body.bytes.len();
+    let frames = fields(request, body, max_frames);
+    if n_bytes <= MAX_BYTES_AT_ONCE {
+        return Ok(frames.await?);
+    }
+    // All of it is here already, so that the thread is never idle.
+    let runtime = Handle::current();
+    Ok(take_apart(app, &caller, n_bytes, move || runtime.block_on(frames)).await??)
+}
+
+async fn fields(request: Request, body: Frame, max_frames: usize) -> Result<Vec<Frame>, BodyError> {
     let malformed = |error: String| BodyError::Malformed(format!("the form cannot be read: {error}"));
     let request = request.map(|_| Body::from(body.bytes));
     let mut form =
@@ -267,9 +293,8 @@ fn only(mut frames: Vec<Frame>) -> Result<Frame, BodyError> {
 }
 
 fn json_frame(body: &[u8]) -> Result<Bytes, BodyError> {
-    let text: FrameJson = from_json(body)?;
-    let bytes = BASE64_STANDARD
-        .decode(text.frame.as_bytes())
+    let Object::<FrameJson>(json) = from_json(body)?;
+    let bytes = base64_text::decode(&json.frame)
         .map_err(|error| BodyError::Malformed(format!("`frame` is not base64: {error}")))?;
     if bytes.is_empty() { Err(BodyError::Empty) } else { Ok(bytes.into()) }
 }

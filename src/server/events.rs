@@ -2,7 +2,10 @@
 
 use crate::protocol::event::Event;
 use crate::server::App;
+use crate::server::auth::Key;
+use axum::Extension;
 use axum::extract::State;
+use axum::http::HeaderName;
 use axum::response::IntoResponse;
 use axum::response::sse::{self, KeepAlive, Sse};
 use futures_util::stream;
@@ -16,6 +19,9 @@ use tokio::sync::broadcast::{self, Receiver};
 const N_KEPT: usize = 256;
 /// How often a reader hears something when nothing happens, so that nobody between cuts the line.
 const KEEP_ALIVE: Duration = Duration::from_secs(15);
+
+/// Tells nginx, and those that learned it from nginx, to pass each event on as it comes.
+const X_ACCEL_BUFFERING: HeaderName = HeaderName::from_static("x-accel-buffering");
 
 /// Where events are told, and who listens.
 #[derive(Clone)]
@@ -44,7 +50,7 @@ impl Events {
 /// What happens, as server-sent events
 ///
 /// One [`Event`] each, as JSON; the event's name is its `type`. A reader that is slow loses the oldest events
-/// and is told how many by an event `lost`. The stream ends when the service stops.
+/// and is told how many by an event `lost`. The stream ends when the service stops or the key is withdrawn.
 #[utoipa::path(
     get, path = "/v1/events", tag = "dashboards", security(("key" = [])),
     responses(
@@ -52,19 +58,21 @@ impl Events {
         super::openapi::ViewerProblems
     )
 )]
-pub async fn events(State(app): State<App>) -> impl IntoResponse {
+pub async fn events(State(app): State<App>, key: Option<Extension<Arc<Key>>>) -> impl IntoResponse {
     let reader = app.events.0.subscribe();
-    let events = stream::unfold((reader, app), async |(mut reader, app)| {
+    let key = key.map(|Extension(key)| key);
+    let events = stream::unfold((reader, app, key), async |(mut reader, app, key)| {
         let event = tokio::select! {
             event = next(&mut reader) => event?,
             () = app.stopping.cancelled() => return None,
+            () = app.keyring.revoked(key.as_deref(), || None) => return None,
         };
         if let Event::Lost { events } = *event {
             app.metrics.events_lost(events);
         }
-        Some((Ok::<_, Infallible>(as_sent(&event)), (reader, app)))
+        Some((Ok::<_, Infallible>(as_sent(&event)), (reader, app, key)))
     });
-    Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))
+    ([(X_ACCEL_BUFFERING, "no")], Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
 }
 
 async fn next(reader: &mut Receiver<Arc<Event>>) -> Option<Arc<Event>> {

@@ -1,26 +1,34 @@
 //! Connections: how many, how long, and how they end.
 
-use super::App;
+use super::caller::CallerId;
+use super::misread::Misread;
+use super::places::{Line, Place, Places};
 use super::routes::router;
 use super::watch::watch;
-use hyper::Request;
+use super::write_timeout::WriteTimeout;
+use super::{App, tls};
 use hyper::body::Incoming;
 use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
+use hyper::{Request, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+#[cfg(target_os = "linux")]
+use socket2::SockRef;
 use std::convert::Infallible;
 use std::io;
 use std::net::SocketAddr;
 use std::pin::pin;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
+use tokio::sync::watch;
 use tokio::task::JoinSet;
+use tokio_util::either::Either;
 
 /// The most that is read ahead on one connection, and so the longest head of a request. What is no HTTP
-/// or exceeds it is answered by hyper, before there is a request: with 400 or 431 and no body.
+/// or exceeds it is answered before there is a request, see [`Misread`].
 const MAX_BUFFER_BYTES: usize = 64 << 10;
 /// How long to wait after `accept` failed, most likely for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
@@ -35,8 +43,12 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
     let (stop, stopped) = watch::channel(false);
     let acceptor = Acceptor {
         service: TowerToHyperService::new(router(app.clone())),
-        permits: Arc::new(Semaphore::new(app.settings.max_connections)),
+        places: Arc::new(Places::new(app.settings.max_connections)),
         header_timeout: app.settings.header_timeout(),
+        write_timeout: app.settings.write_timeout(),
+        #[cfg(target_os = "linux")]
+        unacknowledged_timeout: app.settings.unacknowledged_timeout(),
+        app: app.clone(),
         listener,
         stopped,
     };
@@ -47,6 +59,14 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
         let app = app.clone();
         async move { match app.metrics.tidy().await {} }
     });
+    aside.spawn({
+        let app = app.clone();
+        async move { match app.refusals.tell().await {} }
+    });
+    if app.speaks_tls() {
+        let app = app.clone();
+        aside.spawn(async move { match tls::watch(app).await {} });
+    }
     let mut connections = JoinSet::new();
     tokio::select! {
         never = acceptor.run(&mut connections, Life::UntilStop) => match never {},
@@ -75,10 +95,14 @@ enum Life {
 }
 
 struct Acceptor {
+    app: App,
     listener: TcpListener,
     service: TowerToHyperService<axum::Router>,
-    permits: Arc<Semaphore>,
+    places: Arc<Places>,
     header_timeout: Duration,
+    write_timeout: Duration,
+    #[cfg(target_os = "linux")]
+    unacknowledged_timeout: Duration,
     stopped: watch::Receiver<bool>,
 }
 
@@ -86,21 +110,25 @@ impl Acceptor {
     /// Accepts connections into `connections`, for ever.
     async fn run(&self, connections: &mut JoinSet<()>, life: Life) -> Infallible {
         loop {
-            tokio::select! {
-                Some((stream, peer, permit)) = self.accept() => {
-                    connections.spawn(self.connection(stream, peer, permit, life));
+            let (stream, peer) = tokio::select! {
+                accepted = self.accept() => accepted,
+                Some(_) = connections.join_next() => continue,
+            };
+            let place = loop {
+                tokio::select! {
+                    place = self.places.take(CallerId::at(peer.0.ip())) => break place,
+                    Some(_) = connections.join_next() => {}
                 }
-                Some(_) = connections.join_next() => {}
-            }
+            };
+            connections.spawn(self.connection(stream, peer, place, life));
         }
     }
 
-    /// The next connection, once fewer than the most are open.
-    async fn accept(&self) -> Option<(TcpStream, Peer, OwnedSemaphorePermit)> {
-        let permit = self.permits.clone().acquire_owned().await.ok()?;
+    /// The next connection.
+    async fn accept(&self) -> (TcpStream, Peer) {
         loop {
             match self.listener.accept().await {
-                Ok((stream, address)) => return Some((stream, Peer(address), permit)),
+                Ok((stream, address)) => return (stream, Peer(address)),
                 Err(error) => {
                     tracing::warn!(%error, "a connection could not be accepted");
                     tokio::time::sleep(ACCEPT_PAUSE).await;
@@ -113,41 +141,91 @@ impl Acceptor {
         &self,
         stream: TcpStream,
         peer: Peer,
-        permit: OwnedSemaphorePermit,
+        place: Place,
         life: Life,
     ) -> impl Future<Output = ()> + Send + use<> {
         // An answer is one small write: waiting to fill a packet would only delay it.
         if let Err(error) = stream.set_nodelay(true) {
             tracing::debug!(%error, "TCP_NODELAY could not be set");
         }
-        let router = self.service.clone();
-        let service = service_fn(move |mut request: Request<Incoming>| {
-            request.extensions_mut().insert(peer);
-            router.call(request)
-        });
-        let connection = http1::Builder::new()
-            .timer(TokioTimer::new())
+        // A robot that reads rarely acknowledges what it is sent nevertheless; one that is gone does not.
+        #[cfg(target_os = "linux")]
+        if let Err(error) = SockRef::from(&stream).set_tcp_user_timeout(Some(self.unacknowledged_timeout)) {
+            tracing::debug!(%error, "TCP_USER_TIMEOUT could not be set");
+        }
+        let mut http = http1::Builder::new();
+        http.timer(TokioTimer::new())
             .header_read_timeout(self.header_timeout)
             .max_buf_size(MAX_BUFFER_BYTES)
-            .keep_alive(life == Life::UntilStop)
-            .serve_connection(TokioIo::new(stream), service)
-            .with_upgrades();
-        let stopped = self.stopped.clone();
+            .keep_alive(life == Life::UntilStop);
+        let (app, stopped) = (self.app.clone(), self.stopped.clone());
+        let (router, write_timeout) = (self.service.clone(), self.write_timeout);
         async move {
-            let _permit = permit;
-            let mut connection = pin!(connection);
+            let line = place.line().clone();
+            let stream = match &app.tls {
+                None => Either::Left(stream),
+                Some(tls) => {
+                    let shaken = tokio::select! {
+                        shaken = tls.accept(stream) => shaken,
+                        () = stop(stopped.clone()), if life == Life::UntilStop => return,
+                    };
+                    match shaken {
+                        Ok(stream) => Either::Right(stream),
+                        Err(error) => {
+                            return tracing::debug!(peer = %peer.0, %error, "a handshake of TLS failed");
+                        }
+                    }
+                }
+            };
+            let stream = WriteTimeout::new(stream, write_timeout);
+            let service = service(router, peer, line.clone(), stream.switch());
+            let stream = TokioIo::new(Misread::new(stream, app.clone()));
+            let mut connection = pin!(http.serve_connection(stream, service).with_upgrades());
             let result = tokio::select! {
                 result = connection.as_mut() => result,
                 () = stop(stopped), if life == Life::UntilStop => {
                     connection.as_mut().graceful_shutdown();
                     connection.await
                 }
+                () = line.gives_way() => {
+                    connection.as_mut().graceful_shutdown();
+                    tokio::select! {
+                        result = connection => result,
+                        () = line.is_given_up() => return tracing::debug!("a connection gave way to another"),
+                    }
+                }
             };
+            drop(place);
             if let Err(error) = result {
                 tracing::debug!(%error, "a connection ended early");
             }
         }
     }
+}
+
+/// What answers the requests of one connection. `no_write_timeout` is set when it becomes a stream.
+fn service(
+    router: TowerToHyperService<axum::Router>,
+    peer: Peer,
+    line: Arc<Line>,
+    no_write_timeout: Arc<AtomicBool>,
+) -> impl Service<Request<Incoming>, Response = axum::response::Response, Error = Infallible, Future: Send> {
+    service_fn(move |mut request: Request<Incoming>| {
+        request.extensions_mut().insert(peer);
+        request.extensions_mut().insert(line.clone());
+        let works = line.works();
+        let answer = router.call(request);
+        let no_write_timeout = no_write_timeout.clone();
+        async move {
+            let _works = works;
+            let answer = answer.await?;
+            if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
+                // A stream has a time-out of its own.
+                no_write_timeout.store(true, Ordering::Relaxed);
+            }
+            Ok::<_, Infallible>(answer)
+        }
+    })
 }
 
 /// Ready when the service stops, or its `serve` is gone.

@@ -6,6 +6,7 @@
 //! | `recorder` | the counters and histograms of one service, and their text form |
 //! | `labels` | the closed sets of what labels say |
 //! | `kept` | handles that are found again without allocating |
+//! | `totals` | what was counted of the frames of one version |
 //! | `scrape` | `GET /metrics`, and what is read only then |
 //! | `process` | what Linux tells of the process |
 //!
@@ -18,10 +19,12 @@ mod labels;
 mod process;
 mod recorder;
 mod scrape;
+mod totals;
 
 pub use labels::{FrameOutcome, SwapKind, SwapOutcome, Transport};
 pub use scrape::{__path_scrape, scrape};
 
+use crate::protocol::oip::statistics::FrameTotals;
 use crate::protocol::stream::DropReason;
 use axum::http::{Method, StatusCode};
 use kept::Kept;
@@ -33,6 +36,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::time::interval;
+use totals::Totals;
 
 /// How often recorded durations are sorted into buckets while nobody scrapes.
 const SORT_INTERVAL: Duration = Duration::from_secs(5);
@@ -62,6 +66,8 @@ struct ModelFrames {
     classify: Histogram,
     /// By version, transport and outcome.
     told: Kept<(u64, Transport, &'static str), Counter>,
+    /// By version.
+    totals: Kept<u64, Arc<Totals>>,
 }
 
 impl Metrics {
@@ -104,27 +110,29 @@ impl Metrics {
 
     /// A frame came to its end with the model that answered it, or was to.
     pub fn frame(&self, (name, version): (&str, u64), transport: Transport, outcome: FrameOutcome) {
-        let model = self.models.get(name, || {
-            let stage = |stage| self.recorder.histogram(&catalog::STAGE_DURATION, &[name, stage]);
-            Arc::new(ModelFrames {
-                queue: stage("queue"),
-                decode: stage("decode"),
-                features: stage("features"),
-                classify: stage("classify"),
-                told: Kept::default(),
-            })
-        });
+        let model = self.model(name);
         let told = model.told.get(&(version, transport, outcome.name()), || {
             let values = [name, &version.to_string(), transport.name(), outcome.name()];
             self.recorder.counter(&catalog::FRAMES, &values)
         });
         told.increment(1);
-        if let FrameOutcome::Answered(timings) = outcome {
-            model.queue.record(timings.queue);
-            model.decode.record(timings.decode);
-            model.features.record(timings.features);
-            model.classify.record(timings.classify);
+        let totals = model.totals.get(&version, Arc::default);
+        match outcome {
+            FrameOutcome::Answered(timings) => {
+                totals.answered(timings);
+                model.queue.record(timings.queue);
+                model.decode.record(timings.decode);
+                model.features.record(timings.features);
+                model.classify.record(timings.classify);
+            }
+            FrameOutcome::Failed(_) => totals.failed(),
+            FrameOutcome::CallerLeft => {}
         }
+    }
+
+    /// What was counted of the frames of one version of a model that the registry has.
+    pub fn totals(&self, name: &str, version: u64) -> FrameTotals {
+        self.model(name).totals.get(&version, Arc::default).read()
     }
 
     /// A frame of a stream was not looked at.
@@ -160,6 +168,20 @@ impl Metrics {
     /// What was counted, in Prometheus's text form.
     fn render(&self) -> String {
         self.recorder.render()
+    }
+
+    fn model(&self, name: &str) -> Arc<ModelFrames> {
+        self.models.get(name, || {
+            let stage = |stage| self.recorder.histogram(&catalog::STAGE_DURATION, &[name, stage]);
+            Arc::new(ModelFrames {
+                queue: stage("queue"),
+                decode: stage("decode"),
+                features: stage("features"),
+                classify: stage("classify"),
+                told: Kept::default(),
+                totals: Kept::default(),
+            })
+        })
     }
 
     fn drops(&self, reason: DropReason) -> Counter {

@@ -1,8 +1,9 @@
 //! The calls about models: what there is, what serves, and changes of both.
 
 use super::App;
+use super::body::{BodyError, read_json};
 use super::openapi::{
-    ChangeProblems, IfMatch, ModelProblems, NameParam, TarBytes, UploadProblems, VersionParams,
+    ChangeProblems, IfMatch, LabelProblems, ModelProblems, NameParam, TarBytes, UploadProblems, VersionParams,
 };
 use super::pool::Panicked;
 use super::problem::Problem;
@@ -12,9 +13,8 @@ use super::upload::upload;
 use crate::protocol::rest::{LabelJson, ModelInfo, ModelList, VersionInfo};
 use crate::repository::{Canary, Change, RepositoryError, VersionId};
 use axum::Json;
-use axum::body::Body;
-use axum::extract::rejection::{JsonRejection, PathRejection};
-use axum::extract::{FromRequestParts, Path, State};
+use axum::extract::rejection::PathRejection;
+use axum::extract::{FromRequestParts, Path, Request, State};
 use axum::http::StatusCode;
 use axum::http::header::{ETAG, IF_MATCH};
 use axum::http::request::Parts;
@@ -47,6 +47,8 @@ pub enum Label {
 pub struct Expected(Option<u64>);
 
 /// The models there are
+///
+/// With their versions, the highest first, and the one that requests get that name none.
 #[utoipa::path(
     get, path = "/v1/models", tag = "models", security(("key" = [])),
     responses((status = OK, description = "All models and their versions", body = ModelList), ModelProblems)
@@ -54,12 +56,13 @@ pub struct Expected(Option<u64>);
 pub async fn list_models(State(app): State<App>) -> Json<ModelList> {
     let registry = &app.registry;
     let entries = registry.entries();
-    let models =
-        entries.iter().map(|(name, entry)| ModelInfo::new(name, entry, &registry.serving(name))).collect();
+    let models = entries.iter().map(|(name, entry)| ModelInfo::new(name, entry, registry)).collect();
     Json(ModelList { default: registry.default_name(), models })
 }
 
 /// One model
+///
+/// Its versions, and what each of them serves as.
 #[utoipa::path(
     get, path = "/v1/models/{name}", tag = "models", security(("key" = [])),
     params(("name" = String, Path, description = "The model's name.")),
@@ -92,24 +95,27 @@ pub async fn show_version(
 
 /// Adds a version of a model
 ///
-/// The body is the version's folder as a tar (`model.safetensors`, `model.json`, `golden/`), or the model
-/// file alone. It is tried before it is taken, and never changes after. With the policy `latest` it comes to
+/// The body is the version's folder as a tar, a tar.gz or a zip (`model.safetensors`, `model.json`, `golden/`), or
+/// the model file alone: what it is is told by its bytes. It is tried before it is taken, and never changes after. With the policy `latest` it comes to
 /// serve at once where it is newer than all that served.
 #[utoipa::path(
     put, path = "/v1/models/{name}/versions/{version}", tag = "models", security(("key" = [])),
     params(VersionParams),
-    request_body(content((TarBytes = "application/x-tar"), (TarBytes = "application/octet-stream"))),
+    request_body(content(
+        (TarBytes = "application/x-tar"), (TarBytes = "application/gzip"), (TarBytes = "application/zip"),
+        (TarBytes = "application/octet-stream")
+    )),
     responses((status = CREATED, description = "The version", body = VersionInfo), UploadProblems)
 )]
 pub async fn upload_version(
     State(app): State<App>,
     VersionPath(id): VersionPath,
-    body: Body,
+    request: Request,
 ) -> Result<Response, Problem> {
     if app.registry.entry(&id.name).is_ok_and(|entry| entry.versions.contains_key(&id.version)) {
         return Err(ChangeError::from(RepositoryError::Exists(id)).into());
     }
-    upload(&app, &id, body).await?;
+    upload(&app, &id, request).await?;
     Ok((StatusCode::CREATED, told_version(&app, &id)?).into_response())
 }
 
@@ -165,6 +171,21 @@ pub async fn rollback(
     told_model(&app, &name)
 }
 
+/// Lets a model answer requests that name none
+///
+/// It does so for all services of the repository, over restarts, and until another model is named here, whatever
+/// models come. A version of it must serve.
+#[utoipa::path(
+    put, path = "/v1/models/{name}/default", tag = "models", security(("key" = [])),
+    params(("name" = String, Path, description = "The model's name.")),
+    responses((status = OK, description = "The model", body = ModelInfo), ChangeProblems)
+)]
+pub async fn set_default(State(app): State<App>, Path(name): Path<String>) -> Result<Response, Problem> {
+    let wanted = name.clone();
+    blocking(&app, move |app| app.registry.set_default(&wanted)).await?;
+    told_model(&app, &name)
+}
+
 /// Gives a label to a version
 ///
 /// A `canary` answers a share of the robots in the place of the stable version; a robot stays with its
@@ -174,16 +195,18 @@ pub async fn rollback(
     put, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
     params(NameParam, ("label" = inline(Label), Path, description = "The label"), IfMatch),
     request_body(content = LabelJson),
-    responses((status = OK, description = "The model, and what serves now", body = ModelInfo), ChangeProblems)
+    responses((status = OK, description = "The model, and what serves now", body = ModelInfo), LabelProblems)
 )]
 pub async fn set_label(
     State(app): State<App>,
     path: Result<Path<LabelPath>, PathRejection>,
     Expected(epoch): Expected,
-    given: Result<Json<LabelJson>, JsonRejection>,
+    request: Request,
 ) -> Result<Response, Problem> {
     let LabelPath { name, label } = labeled(path)?;
-    let Json(LabelJson { version, share }) = given.map_err(|error| Problem::Query(error.body_text()))?;
+    let empty =
+        || BodyError::Malformed("send the label's version as JSON, such as {\"version\": 3}".to_owned());
+    let LabelJson { version, share } = read_json(&app, request).await?.ok_or_else(empty)?;
     let wanted = match (label, share) {
         (Label::Canary, Some(share)) => Change::Canary(Some(Canary { version, share })),
         (Label::Shadow, None) => Change::Shadow(Some(version)),
@@ -199,6 +222,8 @@ pub async fn set_label(
 }
 
 /// Takes a label away
+///
+/// The version stays where it is and can get a label again.
 #[utoipa::path(
     delete, path = "/v1/models/{name}/labels/{label}", tag = "models", security(("key" = [])),
     params(NameParam, ("label" = inline(Label), Path, description = "The label"), IfMatch),
@@ -222,9 +247,10 @@ impl FromRequestParts<App> for VersionPath {
     type Rejection = Problem;
 
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
-        let path = Path::<(String, u64)>::from_request_parts(parts, app).await;
+        let path = Path::<(String, String)>::from_request_parts(parts, app).await;
         let Path((name, version)) = path.map_err(|error| Problem::Query(error.body_text()))?;
-        Ok(Self(VersionId { name, version }))
+        let id = format!("{name}/{version}").parse().map_err(ChangeError::Repository)?;
+        Ok(Self(id))
     }
 }
 
@@ -264,7 +290,7 @@ fn labeled(path: Result<Path<LabelPath>, PathRejection>) -> Result<LabelPath, Pr
 
 fn told_model(app: &App, name: &str) -> Result<Response, Problem> {
     let entry = app.registry.entry(name)?;
-    let info = ModelInfo::new(name, &entry, &app.registry.serving(name));
+    let info = ModelInfo::new(name, &entry, &app.registry);
     Ok(([(ETAG, etag(entry.record.epoch))], Json(info)).into_response())
 }
 

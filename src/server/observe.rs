@@ -1,6 +1,7 @@
 //! What happens around every request: its id, its line in the log, its error in one form.
 
 use super::App;
+use super::auth::has_one_host;
 use super::linger::linger;
 use super::listen::Peer;
 use super::problem::{ErrorForm, Problem};
@@ -19,10 +20,14 @@ use tracing::{Instrument, info_span};
 
 /// The route of requests that match none.
 const NO_ROUTE: &str = "(none)";
+/// What probes ask every few seconds, and anyone may as fast as it likes.
+const HEALTH: [&str; 4] = ["/livez", "/readyz", "/v2/health/live", "/v2/health/ready"];
 const REQUEST_ID: HeaderName = HeaderName::from_static("x-request-id");
 const MAX_ID_BYTES: usize = 64;
-/// What the documentation page needs, and nothing from elsewhere.
-const CONTENT_POLICY: &str = "default-src 'self'; img-src 'self' data:; frame-ancestors 'none'";
+/// What the documentation page needs, and nothing from elsewhere. The digest is that of the one style that the
+/// page's script writes into it.
+const CONTENT_POLICY: &str = "default-src 'self'; img-src 'self' data:; style-src 'self' \
+    'sha256-RL3ie0nH+Lzz2YNqQN83mnU0J1ot4QL7b99vMdIX99w='; frame-ancestors 'none'";
 
 /// Makes the ids of requests that bring none: a part for this process, and a number.
 pub struct RequestIds {
@@ -45,7 +50,8 @@ impl RequestIds {
         Self { process: RandomState::new().hash_one(0) as u32, next: AtomicU64::new(1) }
     }
 
-    fn next(&self) -> Arc<str> {
+    /// The next one.
+    pub fn next(&self) -> Arc<str> {
         format!("{:08x}-{:06x}", self.process, self.next.fetch_add(1, Ordering::Relaxed)).into()
     }
 }
@@ -64,10 +70,11 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     let form = ErrorForm::of(request.uri().path());
     let route = request.extensions().get::<MatchedPath>().cloned();
     let method = request.method().clone();
-    let peer = request.extensions().get::<Peer>().map(|peer| tracing::field::display(peer.0));
+    let address = request.extensions().get::<Peer>().map(|peer| peer.0);
+    let peer = address.map(tracing::field::display);
     let route_name = || route.as_ref().map_or(NO_ROUTE, MatchedPath::as_str);
     let span = info_span!(
-        "request", request_id = %context.id, %method, route = route_name(), peer,
+        "request", request_id = &*context.id, %method, route = route_name(), peer,
         trace_id = Empty, key = Empty, robot = Empty, model = Empty
     );
     if let Some(parent) = TraceParent::of(request.headers()) {
@@ -76,10 +83,23 @@ pub async fn observe(State(app): State<App>, request: Request, next: Next) -> Re
     async {
         let mut request = linger(request);
         request.extensions_mut().insert(context.clone());
-        let response = complete(next.run(request).await, &context, form);
+        let response = if has_one_host(&request) {
+            next.run(request).await
+        } else {
+            // What stands between might read it otherwise.
+            Problem::Query("send one header Host".to_owned()).into_response()
+        };
+        let response = complete(response, &context, form);
         let (status, took) = (response.status(), context.arrived.elapsed());
         app.metrics.answered(route_name(), &method, (status, took));
-        tracing::info!(status = status.as_u16(), ms = took.as_micros() as f64 / 1e3, "answered");
+        let is_told = !status.is_client_error()
+            || address.is_none_or(|address| app.refusals.is_news(address.ip(), status));
+        let (status, ms) = (status.as_u16(), took.as_micros() as f64 / 1e3);
+        if HEALTH.contains(&route_name()) {
+            tracing::debug!(status, ms, "answered");
+        } else if is_told {
+            tracing::info!(status, ms, "answered");
+        }
         response
     }
     .instrument(span)

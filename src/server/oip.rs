@@ -4,11 +4,13 @@
 //! |---|---|
 //! | `infer` | frames in, tensors out, by the same path as all frames |
 //! | `repository` | what models there are, and which serve; all that touches the registry |
+//! | `inspect` | how models are run, and what they have done, for Triton's tools |
 //! | `problems` | what can go wrong, for the OpenAPI document |
 //!
 //! What travels is in `protocol::oip`.
 
 mod infer;
+mod inspect;
 mod problems;
 mod repository;
 
@@ -17,6 +19,7 @@ use super::openapi::{NameParam, VersionParams};
 use super::problem::Problem;
 use super::registry::Choice;
 use crate::protocol::oip::{EXTENSIONS, ModelMetadata, ModelReady, ServerLive, ServerMetadata, ServerReady};
+use crate::protocol::rest::version_from_text;
 use axum::Json;
 use axum::extract::{FromRequestParts, Path, State};
 use axum::http::request::Parts;
@@ -32,13 +35,22 @@ pub fn robots() -> OpenApiRouter<App> {
 
 /// What takes the role viewer.
 pub fn viewers() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(repository::index))
+}
+
+/// What takes a key of any role: what clients ask before they send frames.
+pub fn holders() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(show_server))
-        .routes(routes!(show_model))
-        .routes(routes!(show_version))
+        .routes(routes!(model_metadata))
+        .routes(routes!(version_metadata))
         .routes(routes!(model_ready))
         .routes(routes!(version_ready))
-        .routes(routes!(repository::index))
+        .routes(routes!(inspect::model_config))
+        .routes(routes!(inspect::version_config))
+        .routes(routes!(inspect::all_statistics))
+        .routes(routes!(inspect::model_statistics))
+        .routes(routes!(inspect::version_statistics))
 }
 
 /// What takes the role admin.
@@ -57,6 +69,7 @@ pub struct ModelPath {
     /// The model's name.
     pub name: String,
     /// Its version; left out: the one that serves.
+    #[serde(default, deserialize_with = "version_from_text")]
     pub version: Option<u64>,
 }
 
@@ -71,6 +84,8 @@ impl FromRequestParts<App> for ModelPath {
 }
 
 /// What serves
+///
+/// The service's name and version, and the protocol's extensions that it knows.
 #[utoipa::path(
     get, path = "/v2", tag = "inference", security(("key" = [])),
     responses((status = OK, description = "The service", body = ServerMetadata), ServerProblems)
@@ -84,8 +99,10 @@ async fn show_server() -> Json<ServerMetadata> {
 }
 
 /// Whether the process lives
+///
+/// It does where it answers.
 #[utoipa::path(
-    get, path = "/v2/health/live", tag = "inference",
+    get, path = "/v2/health/live", tag = "inference", security(),
     responses((status = OK, description = "It lives", body = ServerLive), AnyoneProblems)
 )]
 async fn server_live() -> Json<ServerLive> {
@@ -93,8 +110,10 @@ async fn server_live() -> Json<ServerLive> {
 }
 
 /// Whether frames are answered
+///
+/// A model serves, a frame went through it, and the service is not stopping.
 #[utoipa::path(
-    get, path = "/v2/health/ready", tag = "inference",
+    get, path = "/v2/health/ready", tag = "inference", security(),
     responses((status = OK, description = "Frames are answered", body = ServerReady), DrainProblems)
 )]
 async fn server_ready(State(app): State<App>) -> Result<Json<ServerReady>, Problem> {
@@ -106,26 +125,32 @@ async fn server_ready(State(app): State<App>) -> Result<Json<ServerReady>, Probl
 }
 
 /// What a model takes and gives
+///
+/// The tensors of the version that serves, and the versions that can be asked for.
 #[utoipa::path(
     get, path = "/v2/models/{name}", tag = "inference", security(("key" = [])),
     params(NameParam),
     responses((status = OK, description = "Its tensors", body = ModelMetadata), ModelProblems)
 )]
-async fn show_model(State(app): State<App>, path: ModelPath) -> Result<Json<ModelMetadata>, Problem> {
+async fn model_metadata(State(app): State<App>, path: ModelPath) -> Result<Json<ModelMetadata>, Problem> {
     metadata(&app, &path)
 }
 
 /// What a version of a model takes and gives
+///
+/// Versions of one model may tell different rooms apart.
 #[utoipa::path(
     get, path = "/v2/models/{name}/versions/{version}", tag = "inference", security(("key" = [])),
     params(VersionParams),
     responses((status = OK, description = "Its tensors", body = ModelMetadata), ModelProblems)
 )]
-async fn show_version(State(app): State<App>, path: ModelPath) -> Result<Json<ModelMetadata>, Problem> {
+async fn version_metadata(State(app): State<App>, path: ModelPath) -> Result<Json<ModelMetadata>, Problem> {
     metadata(&app, &path)
 }
 
 /// Whether a model answers
+///
+/// One of its versions serves; otherwise this is an error.
 #[utoipa::path(
     get, path = "/v2/models/{name}/ready", tag = "inference", security(("key" = [])),
     params(NameParam),
@@ -136,6 +161,8 @@ async fn model_ready(State(app): State<App>, path: ModelPath) -> Result<Json<Mod
 }
 
 /// Whether a version of a model answers
+///
+/// It is in memory and can be asked for; otherwise this is an error.
 #[utoipa::path(
     get, path = "/v2/models/{name}/versions/{version}/ready", tag = "inference", security(("key" = [])),
     params(VersionParams),
@@ -146,9 +173,7 @@ async fn version_ready(State(app): State<App>, path: ModelPath) -> Result<Json<M
 }
 
 fn metadata(app: &App, path: &ModelPath) -> Result<Json<ModelMetadata>, Problem> {
-    let served = repository::served(app, path)?;
-    let versions = repository::ready_versions(app, &path.name)?;
-    Ok(Json(ModelMetadata::new(&path.name, versions, served.model.places().len())))
+    Ok(Json(repository::metadata(app, path)?))
 }
 
 fn readiness(app: &App, path: ModelPath) -> Result<Json<ModelReady>, Problem> {

@@ -1,16 +1,24 @@
 //! The OpenAPI document, made from the handlers and the kinds of problem.
 
+use super::auth::session;
 use super::problem::{ErrorForm, Kind};
 use crate::protocol::oip::ErrorBody;
 use crate::protocol::rest::ProblemBody;
 use axum::http::header::RETRY_AFTER;
 use std::collections::BTreeMap;
-use utoipa::openapi::security::{Http, HttpAuthScheme, SecurityScheme};
+use std::iter;
+use utoipa::openapi::security::{
+    ApiKey, ApiKeyValue, Http, HttpAuthScheme, SecurityRequirement, SecurityScheme,
+};
 use utoipa::openapi::{Content, HeaderBuilder, Ref, RefOr, Response};
 use utoipa::{IntoParams, IntoResponses, Modify, OpenApi, ToSchema};
 
 /// The name of the security scheme.
 const KEY: &str = "key";
+/// The name of the security scheme of those who signed in.
+const SESSION: &str = "session";
+/// What can go wrong with any call that takes a key.
+pub const AUTH_KINDS: [Kind; 4] = [Kind::Unauthorized, Kind::Forbidden, Kind::ForeignSite, Kind::UnknownHost];
 
 /// What is not told by the handlers.
 #[derive(OpenApi)]
@@ -20,7 +28,13 @@ const KEY: &str = "key";
         description = "Tells a robot which room it is in: one frame in, the rooms with their \
             probabilities out. Every error is `application/problem+json`, under `/v2` an object with \
             an `error`; its text says what to do about it. An answer names its request in `request_id` and in `X-Request-Id`, which a \
-            caller may also send."
+            caller may also send.",
+        contact(name = "whoever runs this service"),
+        license(name = "Apache-2.0", identifier = "Apache-2.0")
+    ),
+    servers(
+        (url = "/", description = "The service that this document comes from"),
+        (url = ".", description = "The same under a prefix, which a proxy takes away")
     ),
     tags(
         (name = "recognize", description = "Frames to rooms"),
@@ -53,6 +67,7 @@ pub struct FrameForm {
 #[expect(dead_code, reason = "only described; `body` reads it")]
 pub struct BatchForm {
     /// The images, each in a field `frame`.
+    #[schema(min_items = 1)]
     frame: Vec<ImageBytes>,
 }
 
@@ -82,7 +97,7 @@ pub struct VersionParams {
 #[expect(dead_code, reason = "only described; `models::Expected` reads it")]
 pub struct IfMatch {
     /// The model's epoch as `ETag` gave it: where what serves was changed since, nothing is done.
-    #[param(rename = "If-Match")]
+    #[param(rename = "If-Match", value_type = String, required = false, pattern = r#"^("[0-9]+"|[0-9]+|\*)$"#)]
     epoch: Option<String>,
 }
 
@@ -101,6 +116,9 @@ pub struct TarBytes(Vec<u8>);
 /// What can go wrong when what serves is changed.
 pub struct ChangeProblems;
 
+/// What can go wrong when a label is set.
+pub struct LabelProblems;
+
 /// What can go wrong when a version is uploaded.
 pub struct UploadProblems;
 
@@ -112,6 +130,9 @@ pub struct RobotProblems;
 
 /// What can go wrong before a stream begins.
 pub struct StreamProblems;
+
+/// What can go wrong when life is asked for.
+pub struct LiveProblems;
 
 /// What can go wrong when readiness is asked for.
 pub struct ReadyProblems;
@@ -145,6 +166,15 @@ impl IntoResponses for ChangeProblems {
     }
 }
 
+impl IntoResponses for LabelProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let read = [Kind::SlowBody, Kind::TooLarge, Kind::UnsupportedType, Kind::QueueFull];
+        let mut all = ChangeProblems::responses();
+        all.extend(responses(ErrorForm::Problem, read));
+        all
+    }
+}
+
 impl IntoResponses for UploadProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
         keyed([
@@ -152,7 +182,10 @@ impl IntoResponses for UploadProblems {
             Kind::SlowBody,
             Kind::Conflict,
             Kind::TooLarge,
+            Kind::UnsupportedType,
             Kind::NotAModel,
+            Kind::QueueFull,
+            Kind::Draining,
             Kind::NoRepository,
             Kind::Internal,
         ])
@@ -178,15 +211,22 @@ impl IntoResponses for StreamProblems {
             Kind::NoSuchModel,
             Kind::NotReady,
             Kind::NoWebSocket,
+            Kind::RobotOfAnother,
             Kind::Draining,
             Kind::NoModel,
         ])
     }
 }
 
+impl IntoResponses for LiveProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        responses(ErrorForm::Problem, [Kind::BadRequest])
+    }
+}
+
 impl IntoResponses for ReadyProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses(ErrorForm::Problem, [Kind::Draining, Kind::NoModel])
+        responses(ErrorForm::Problem, [Kind::BadRequest, Kind::Draining, Kind::NoModel])
     }
 }
 
@@ -203,6 +243,9 @@ pub fn frame_kinds() -> impl Iterator<Item = Kind> {
             kind,
             Kind::NotFound
                 | Kind::MethodNotAllowed
+                | Kind::NotHttp
+                | Kind::PathTooLong
+                | Kind::HeadTooLong
                 | Kind::NoWebSocket
                 | Kind::Conflict
                 | Kind::StaleEpoch
@@ -215,7 +258,7 @@ pub fn frame_kinds() -> impl Iterator<Item = Kind> {
 
 /// What can go wrong with any call that takes a key, and what else.
 fn keyed<const N: usize>(others: [Kind; N]) -> BTreeMap<String, RefOr<Response>> {
-    responses(ErrorForm::Problem, [Kind::Unauthorized, Kind::Forbidden].into_iter().chain(others))
+    responses(ErrorForm::Problem, AUTH_KINDS.into_iter().chain(others))
 }
 
 /// One response a status, its kinds described together.
@@ -260,5 +303,26 @@ impl Modify for Key {
                 .to_owned(),
         );
         components.add_security_scheme(KEY, SecurityScheme::Http(scheme));
+        let text = "The cookie that POST /v1/session gives for a key, for pages in a browser.";
+        let cookie = ApiKey::Cookie(ApiKeyValue::with_description(session::COOKIE, text));
+        components.add_security_scheme(SESSION, SecurityScheme::ApiKey(cookie));
+    }
+}
+
+/// Lets each call that takes a key take a session too, but for the one that makes sessions.
+pub fn accept_sessions(document: &mut utoipa::openapi::OpenApi) {
+    let items = document.paths.paths.values_mut();
+    let operations = items.flat_map(|item| {
+        [&mut item.get, &mut item.put, &mut item.delete, &mut item.post]
+            .into_iter()
+            .filter_map(Option::as_mut)
+    });
+    for operation in operations {
+        let makes_sessions = operation.operation_id.as_deref() == Some("sign_in");
+        if let Some(security) =
+            operation.security.as_mut().filter(|schemes| !makes_sessions && !schemes.is_empty())
+        {
+            security.push(SecurityRequirement::new(SESSION, iter::empty::<String>()));
+        }
     }
 }

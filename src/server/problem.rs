@@ -6,7 +6,7 @@ use super::body::BodyError;
 use super::pool::QueueFull;
 use super::recognize::RecognizeError;
 use super::registry::{ChangeError, LookupError};
-use super::upload::UploadError;
+use super::upload::{UPLOAD_WAIT, UploadError};
 use crate::image::ImageError;
 use crate::protocol::oip;
 use crate::protocol::oip::request::RequestError;
@@ -63,7 +63,10 @@ pub enum Problem {
     #[error("{0}")]
     Query(String),
     /// No WebSocket was asked for.
-    #[error("open a WebSocket with the subprotocol roomsight.v1 here: {0}")]
+    #[error(
+        "open a WebSocket with the subprotocol roomsight.v1 here, and let a proxy on the way pass the headers \
+         Upgrade and Connection: {0}"
+    )]
     NoWebSocket(String),
     /// What serves is not changed.
     #[error(transparent)]
@@ -74,6 +77,9 @@ pub enum Problem {
     /// Nobody of this name streams.
     #[error("no robot {0:?} streams; GET /v1/robots lists those that do")]
     NoRobot(String),
+    /// What came is no HTTP.
+    #[error("{}", K::NotHttp.advice())]
+    NotHttp,
     /// There is nothing of this name.
     #[error("{}", K::NotFound.advice())]
     NotFound,
@@ -90,10 +96,18 @@ pub enum Problem {
 pub enum Kind {
     /// Malformed query, path or body.
     BadRequest,
+    /// Bytes that are no request.
+    NotHttp,
     /// No key, or one that nobody has.
     Unauthorized,
     /// A key of the wrong role.
     Forbidden,
+    /// A page of another site.
+    ForeignSite,
+    /// A name that is not known to be the service's.
+    UnknownHost,
+    /// A robot that another key speaks for.
+    RobotOfAnother,
     /// No such path.
     NotFound,
     /// No such model or version.
@@ -110,6 +124,8 @@ pub enum Kind {
     StaleEpoch,
     /// Too many bytes, pixels or frames.
     TooLarge,
+    /// A path that is too long.
+    PathTooLong,
     /// A type of body that is not read here.
     UnsupportedType,
     /// Bytes that are no image.
@@ -120,6 +136,8 @@ pub enum Kind {
     NoWebSocket,
     /// No slot is free.
     QueueFull,
+    /// Headers that are too long.
+    HeadTooLong,
     /// A defect of ours.
     Internal,
     /// The service stops.
@@ -134,10 +152,14 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds, by status.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 27] = [
         K::BadRequest,
+        K::NotHttp,
         K::Unauthorized,
         K::Forbidden,
+        K::ForeignSite,
+        K::UnknownHost,
+        K::RobotOfAnother,
         K::NotFound,
         K::NoSuchModel,
         K::MethodNotAllowed,
@@ -146,11 +168,13 @@ impl Kind {
         K::Conflict,
         K::StaleEpoch,
         K::TooLarge,
+        K::PathTooLong,
         K::UnsupportedType,
         K::NotAnImage,
         K::NotAModel,
         K::NoWebSocket,
         K::QueueFull,
+        K::HeadTooLong,
         K::Internal,
         K::Draining,
         K::NoModel,
@@ -161,19 +185,21 @@ impl Kind {
     /// The status code.
     pub fn status(self) -> StatusCode {
         match self {
-            K::BadRequest => StatusCode::BAD_REQUEST,
+            K::BadRequest | K::NotHttp => StatusCode::BAD_REQUEST,
             K::Unauthorized => StatusCode::UNAUTHORIZED,
-            K::Forbidden => StatusCode::FORBIDDEN,
+            K::Forbidden | K::ForeignSite | K::UnknownHost | K::RobotOfAnother => StatusCode::FORBIDDEN,
             K::NotFound | K::NoSuchModel => StatusCode::NOT_FOUND,
             K::MethodNotAllowed => StatusCode::METHOD_NOT_ALLOWED,
             K::SlowBody => StatusCode::REQUEST_TIMEOUT,
             K::NotReady | K::Conflict => StatusCode::CONFLICT,
             K::StaleEpoch => StatusCode::PRECONDITION_FAILED,
             K::TooLarge => StatusCode::PAYLOAD_TOO_LARGE,
+            K::PathTooLong => StatusCode::URI_TOO_LONG,
             K::UnsupportedType => StatusCode::UNSUPPORTED_MEDIA_TYPE,
             K::NotAnImage | K::NotAModel => StatusCode::UNPROCESSABLE_ENTITY,
             K::NoWebSocket => StatusCode::UPGRADE_REQUIRED,
             K::QueueFull => StatusCode::TOO_MANY_REQUESTS,
+            K::HeadTooLong => StatusCode::REQUEST_HEADER_FIELDS_TOO_LARGE,
             K::Internal => StatusCode::INTERNAL_SERVER_ERROR,
             K::Draining | K::NoModel | K::NoRepository => StatusCode::SERVICE_UNAVAILABLE,
             K::DeadlinePassed => StatusCode::GATEWAY_TIMEOUT,
@@ -184,8 +210,12 @@ impl Kind {
     pub fn name(self) -> &'static str {
         match self {
             K::BadRequest => "bad-request",
+            K::NotHttp => "not-http",
             K::Unauthorized => "unauthorized",
             K::Forbidden => "forbidden",
+            K::ForeignSite => "foreign-site",
+            K::UnknownHost => "unknown-host",
+            K::RobotOfAnother => "robot-of-another",
             K::NotFound => "not-found",
             K::NoSuchModel => "no-such-model",
             K::MethodNotAllowed => "method-not-allowed",
@@ -194,11 +224,13 @@ impl Kind {
             K::Conflict => "conflict",
             K::StaleEpoch => "stale-epoch",
             K::TooLarge => "too-large",
+            K::PathTooLong => "path-too-long",
             K::UnsupportedType => "unsupported-type",
             K::NotAnImage => "not-an-image",
             K::NotAModel => "not-a-model",
             K::NoWebSocket => "no-websocket",
             K::QueueFull => "queue-full",
+            K::HeadTooLong => "head-too-long",
             K::Internal => "internal",
             K::Draining => "draining",
             K::NoModel => "no-model",
@@ -211,8 +243,12 @@ impl Kind {
     pub fn title(self) -> &'static str {
         match self {
             K::BadRequest => "The request is malformed",
+            K::NotHttp => "What came is no HTTP request",
             K::Unauthorized => "A valid key is missing",
             K::Forbidden => "The key's role may not do this",
+            K::ForeignSite => "A page of another site may not do this",
+            K::UnknownHost => "The service does not answer to this name",
+            K::RobotOfAnother => "The key does not speak for this robot",
             K::NotFound => "There is nothing at this path",
             K::NoSuchModel => "There is no such model or version",
             K::MethodNotAllowed => "The path does not take this method",
@@ -221,11 +257,13 @@ impl Kind {
             K::Conflict => "The version cannot be changed so",
             K::StaleEpoch => "What serves was changed in the meantime",
             K::TooLarge => "Too many bytes, pixels or frames",
+            K::PathTooLong => "The path is too long",
             K::UnsupportedType => "A body of this type is not read here",
             K::NotAnImage => "The body is not an image that can be read",
             K::NotAModel => "The body is not a model that works",
             K::NoWebSocket => "The path takes a WebSocket",
             K::QueueFull => "The queue is full",
+            K::HeadTooLong => "The headers are too long",
             K::Internal => "The service failed",
             K::Draining => "The service is stopping",
             K::NoModel => "No model serves",
@@ -238,8 +276,15 @@ impl Kind {
     pub fn advice(self) -> &'static str {
         match self {
             K::BadRequest => "correct the request as the detail says; /docs describes all of them",
+            K::NotHttp => {
+                "send a request of HTTP/1.1 that is well formed; see that the address begins with http:// or \
+                 https:// as the service is set up"
+            }
             K::Unauthorized => "send a key in the header `Authorization: Bearer KEY`",
             K::Forbidden => "use a key whose role allows this, or one of an admin",
+            K::ForeignSite => "let the operator add the page's origin to the setting `origins`",
+            K::UnknownHost => "let the operator add the name to the setting `hosts`, or call an address",
+            K::RobotOfAnother => "name a robot of the key, or use that robot's key",
             K::NotFound => "see /docs for the paths there are",
             K::NoSuchModel => "GET /v1/models lists the models there are",
             K::MethodNotAllowed => "use a method of the header Allow",
@@ -248,11 +293,13 @@ impl Kind {
             K::Conflict => "see GET /v1/models for what there is, and choose another version or number",
             K::StaleEpoch => "look again at what serves, and send its epoch in If-Match",
             K::TooLarge => "send fewer bytes, fewer pixels or fewer frames",
+            K::PathTooLong => "send a shorter path and query; frames belong into the body",
             K::UnsupportedType => "send the image itself as image/jpeg, or multipart/form-data, or JSON",
             K::NoWebSocket => "open a WebSocket with the subprotocol roomsight.v1, for example with websocat",
             K::NotAModel => "send the folder of a version as a tar, or its model.safetensors",
             K::NotAnImage => "send a whole JPEG, PNG, WebP, BMP or PGM image",
             K::QueueFull => "try again after the time in Retry-After, or send fewer frames",
+            K::HeadTooLong => "send fewer or shorter headers, at most 100 and 64 KiB in all",
             K::Internal => "try again; if it stays, give the operator the request id",
             K::NoModel => "upload or activate a version, or wait until somebody has",
             K::NoRepository => "see that the folder or the bucket of models can be reached and written",
@@ -294,12 +341,17 @@ impl Problem {
     /// Its kind.
     pub fn kind(&self) -> Kind {
         match self {
-            Self::Auth(AuthError::Missing | AuthError::Unknown) => K::Unauthorized,
-            Self::Auth(AuthError::Forbidden { .. } | AuthError::Origin) => K::Forbidden,
+            Self::Auth(AuthError::Missing | AuthError::Unknown | AuthError::Session) => K::Unauthorized,
+            Self::Auth(AuthError::Forbidden { .. }) => K::Forbidden,
+            Self::Auth(AuthError::Origin(_)) => K::ForeignSite,
+            Self::Auth(AuthError::Host(_)) => K::UnknownHost,
+            Self::Auth(AuthError::Robot(_)) => K::RobotOfAnother,
             Self::Body(BodyError::TooLarge { .. } | BodyError::TooManyFrames(_)) => K::TooLarge,
             Self::Body(BodyError::Slow(_)) => K::SlowBody,
             Self::Body(BodyError::UnsupportedType(..) | BodyError::Encoded(_)) => K::UnsupportedType,
-            Self::Body(BodyError::Empty | BodyError::Malformed(_) | BodyError::Broken(_)) => K::BadRequest,
+            Self::Body(
+                BodyError::Empty | BodyError::Stripped | BodyError::Malformed(_) | BodyError::Broken(_),
+            ) => K::BadRequest,
             Self::Body(BodyError::NoMemory(_)) => K::QueueFull,
             Self::Lookup(error) => lookup_kind(error),
             Self::Change(error) => change_kind(error),
@@ -312,6 +364,7 @@ impl Problem {
             Self::Oip(RequestError::TooManyFrames(_)) => K::TooLarge,
             Self::Oip(_) | Self::Query(_) => K::BadRequest,
             Self::NoWebSocket(_) => K::NoWebSocket,
+            Self::NotHttp => K::NotHttp,
             Self::NotFound | Self::NoRobot(_) => K::NotFound,
             Self::Draining => K::Draining,
             Self::Framework(status) => Kind::from_status(*status),
@@ -321,8 +374,14 @@ impl Problem {
     /// What the caller reads. Causes of failures of ours stay in the log.
     pub fn body(&self, request_id: &str) -> ProblemBody {
         let kind = self.kind();
-        let is_ours = matches!(kind, K::Internal | K::NoRepository);
-        let detail = if is_ours { kind.advice().to_owned() } else { self.to_string() };
+        let detail = match kind {
+            K::Internal => kind.advice().to_owned(),
+            K::NoRepository => match self.disk_error() {
+                Some(reason) => format!("{reason}: {}", kind.advice()),
+                None => kind.advice().to_owned(),
+            },
+            _ => self.to_string(),
+        };
         ProblemBody {
             r#type: kind.uri(),
             title: kind.title().to_owned(),
@@ -336,8 +395,8 @@ impl Problem {
     pub fn render(&self, response: Response, request_id: &str, form: ErrorForm) -> Response {
         let kind = self.kind();
         match kind {
-            K::Internal | K::NoRepository => tracing::error!(cause = %self, "failed"),
-            _ => tracing::debug!(cause = %self, "refused"),
+            K::Internal | K::NoRepository => tracing::error!(cause = self.to_string(), "failed"),
+            _ => tracing::debug!(cause = self.to_string(), "refused"),
         }
         let body = self.body(request_id);
         let body = match form {
@@ -351,6 +410,15 @@ impl Problem {
         if kind == K::Unauthorized {
             parts.headers.insert(header::WWW_AUTHENTICATE, HeaderValue::from_static("Bearer"));
         }
+        if kind == K::NoWebSocket {
+            for (name, value) in [
+                (header::CONNECTION, "Upgrade"),
+                (header::UPGRADE, "websocket"),
+                (header::SEC_WEBSOCKET_VERSION, "13"),
+            ] {
+                parts.headers.insert(name, HeaderValue::from_static(value));
+            }
+        }
         if let Some(wait) = self.retry_after() {
             parts
                 .headers
@@ -359,10 +427,22 @@ impl Problem {
         Response::from_parts(parts, body.unwrap_or_default().into())
     }
 
+    /// What a disk has said of the models' folder.
+    fn disk_error(&self) -> Option<&'static str> {
+        match self {
+            Self::Change(error) => error.disk_error(),
+            Self::Upload(error) => error.disk_error(),
+            _ => None,
+        }
+    }
+
     fn retry_after(&self) -> Option<Duration> {
         match self {
-            Self::Busy(QueueFull { retry_after })
-            | Self::Body(BodyError::NoMemory(QueueFull { retry_after })) => Some(*retry_after),
+            Self::Upload(UploadError::TooMany { .. }) => Some(UPLOAD_WAIT),
+            Self::Busy(QueueFull { retry_after, .. })
+            | Self::Recognize(RecognizeError::PushedOut(QueueFull { retry_after, .. }))
+            | Self::Body(BodyError::NoMemory(QueueFull { retry_after, .. })) => Some(*retry_after),
+            Self::Frame { cause, .. } => cause.retry_after(),
             _ => None,
         }
     }
@@ -372,7 +452,7 @@ fn lookup_kind(error: &LookupError) -> Kind {
     match error {
         LookupError::NoModel(_) | LookupError::NoVersion(..) => K::NoSuchModel,
         LookupError::NotReady(..) | LookupError::NoLabel(..) => K::NotReady,
-        LookupError::NothingServes(_) | LookupError::Empty => K::NoModel,
+        LookupError::NothingServes(_) | LookupError::NoDefault(_) | LookupError::Empty => K::NoModel,
     }
 }
 
@@ -380,9 +460,9 @@ fn lookup_kind(error: &LookupError) -> Kind {
 pub fn change_kind(error: &ChangeError) -> Kind {
     match error {
         ChangeError::Lookup(error) => lookup_kind(error),
-        ChangeError::Failed(_) => K::NotReady,
+        ChangeError::Failed(_) | ChangeError::NotServing(_) => K::NotReady,
         ChangeError::Stale { .. } => K::StaleEpoch,
-        ChangeError::Superseded | ChangeError::Record(_) => K::Conflict,
+        ChangeError::Superseded | ChangeError::DefaultIsSet(_) | ChangeError::Record(_) => K::Conflict,
         ChangeError::Repository(error) => repository_kind(error),
     }
 }
@@ -392,9 +472,12 @@ pub fn repository_kind(error: &RepositoryError) -> Kind {
     match error {
         RepositoryError::Name(_) => K::BadRequest,
         RepositoryError::NoVersion(_) => K::NoSuchModel,
-        RepositoryError::Exists(_) | RepositoryError::ReadOnly(_) | RepositoryError::Overtaken { .. } => {
-            K::Conflict
-        }
+        RepositoryError::Exists(_)
+        | RepositoryError::HalfUploaded(_)
+        | RepositoryError::NoNumber
+        | RepositoryError::ReadOnly(_)
+        | RepositoryError::Overtaken { .. }
+        | RepositoryError::DefaultOvertaken(_) => K::Conflict,
         _ => K::NoRepository,
     }
 }
@@ -405,6 +488,7 @@ impl From<&RecognizeError> for Kind {
             RecognizeError::Image(ImageError::TooLarge(_)) => K::TooLarge,
             RecognizeError::Image(_) => K::NotAnImage,
             RecognizeError::DeadlinePassed => K::DeadlinePassed,
+            RecognizeError::PushedOut(_) => K::QueueFull,
             RecognizeError::CallerLeft | RecognizeError::Panicked(_) => K::Internal,
         }
     }
@@ -422,7 +506,7 @@ impl IntoResponse for Problem {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::server::pool::Panicked;
+    use crate::server::pool::{Panicked, Whose};
 
     #[test]
     fn kinds_are_listed_once_with_names_of_their_own() {
@@ -442,7 +526,8 @@ mod tests {
     #[test]
     fn a_wait_below_a_second_is_told_as_one() {
         for (milliseconds, told) in [(0, "1"), (20, "1"), (1001, "2"), (5000, "5")] {
-            let problem = Problem::from(QueueFull { retry_after: Duration::from_millis(milliseconds) });
+            let retry_after = Duration::from_millis(milliseconds);
+            let problem = Problem::from(QueueFull { whose: Whose::All, retry_after });
             let response = problem.render(Response::default(), "id", ErrorForm::Problem);
             assert_eq!(response.status(), StatusCode::TOO_MANY_REQUESTS);
             assert_eq!(response.headers()[header::RETRY_AFTER], told);

@@ -3,7 +3,7 @@
 use super::App;
 use super::body::Frame;
 use super::metrics::{FrameOutcome, Transport};
-use super::pool::{Panicked, Slot};
+use super::pool::{Panicked, QueueFull, Slot, Undone};
 use super::registry::{Place, ServedModel, distance};
 use crate::image::{Image, ImageError};
 use crate::model::{Evidence, Recognition, Scratch};
@@ -36,6 +36,8 @@ pub struct Seen {
     pub recognition: Recognition,
     /// Where asked for: what spoke for and against the room, strongest first.
     pub evidence: Option<Vec<Evidence>>,
+    /// Rows of the frame that are missing at least in part.
+    pub damaged_rows: usize,
     /// Where the time went.
     pub timings: Timings,
 }
@@ -65,9 +67,21 @@ pub enum RecognizeError {
     /// Nobody waits for the answer.
     #[error("the caller left")]
     CallerLeft,
+    /// It gave its place in the queue to a caller with fewer frames in it.
+    #[error(transparent)]
+    PushedOut(#[from] QueueFull),
     /// A defect of ours.
     #[error(transparent)]
     Panicked(#[from] Panicked),
+}
+
+impl From<Undone> for RecognizeError {
+    fn from(undone: Undone) -> Self {
+        match undone {
+            Undone::PushedOut(full) => full.into(),
+            Undone::Panicked(panicked) => panicked.into(),
+        }
+    }
 }
 
 /// Queues one frame in the slot it was admitted with; the future waits for what is seen in it. A
@@ -110,7 +124,7 @@ pub fn recognize(
         let result = if is_late {
             Err(RecognizeError::DeadlinePassed)
         } else {
-            answer.await.unwrap_or_else(|panicked| Err(panicked.into()))
+            answer.await.unwrap_or_else(|undone| Err(undone.into()))
         };
         end.set(FrameOutcome::from(&result));
         result
@@ -146,7 +160,7 @@ pub fn look(
     task: Task,
     has_left: &dyn Fn() -> bool,
 ) -> Result<Seen, RecognizeError> {
-    let limits = app.settings.frame_limits();
+    let limits = app.settings.frame_limits().enough_for(task.served.model.config().longest_side);
     let (image, decode) = timed(&debug_span!("decode"), || Image::decode(&frame.bytes, &limits));
     let image = image?;
     drop(frame);
@@ -157,7 +171,7 @@ pub fn look(
     seen.timings.decode = decode;
     if let Some(place) = app.registry.place_in_shadow(&seen.served) {
         let (served, recognition) = (seen.served.clone(), seen.recognition.clone());
-        app.pool.queue(move || compare(place, &image, (&served, &recognition)));
+        app.pool.queue_shadow(move || compare(place, &image, (&served, &recognition)));
     }
     Ok(seen)
 }
@@ -178,7 +192,7 @@ fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
     let (recognition, classify) = timed(&debug_span!("classify"), || model.classify(&features));
     let evidence = explain.then(|| model.explain(&features, recognition.place_idx));
     let timings = Timings { features: features_time, classify, ..Timings::default() };
-    Seen { recognition, evidence, timings, served }
+    Seen { recognition, evidence, damaged_rows: image.damaged_rows(), timings, served }
 }
 
 /// Lends this thread's working memory for frames of one model. A job that panics takes the memory

@@ -5,6 +5,7 @@
 //! | `served` | which model answers whom: what every frame reads |
 //! | `state` | what is true of each version, now and before |
 //! | `change` | another version comes to serve: loaded and tried first, then swapped at once |
+//! | `default` | which model answers requests that name none |
 //! | `follow` | the start, and what changes in the repository while the service runs |
 //! | `aside` | work that stands aside for frames |
 //! | `shadow` | a version that is compared with the stable one |
@@ -15,6 +16,7 @@
 
 mod aside;
 mod change;
+mod default;
 mod error;
 mod follow;
 mod served;
@@ -29,18 +31,19 @@ pub use state::Version;
 use super::events::Events;
 use super::metrics::Metrics;
 use super::settings::Policy;
-use crate::repository::{Record, Repository, Role};
+use crate::repository::{DefaultModel, Record, Repository, Role};
 use arc_swap::{ArcSwap, Guard};
 use served::Table;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// All models by name.
 pub struct Registry {
     repository: Repository,
     policy: Policy,
-    /// The model of requests that name none; empty: the first that serves.
-    default_name: String,
+    /// The setting that names the model of requests that name none; empty: the one that the repository names.
+    default_setting: String,
     table: ArcSwap<Table>,
     book: Mutex<Book>,
     /// Held while a change is written down and the table replaced: changes come one after the other.
@@ -50,6 +53,8 @@ pub struct Registry {
     looking: Mutex<()>,
     /// Held while a model is read and tried: one at a time, so that frames keep the processors.
     loading: Mutex<()>,
+    /// Whether frames may come. Before that nothing has to be held back for them.
+    is_open: AtomicBool,
     events: Events,
     metrics: Arc<Metrics>,
 }
@@ -58,6 +63,8 @@ pub struct Registry {
 #[derive(Default)]
 struct Book {
     models: BTreeMap<String, Entry>,
+    /// What was said of the default model; with the epoch 0, what was taken where nothing could be written.
+    default: Option<DefaultModel>,
     /// What was reported of the repository, so that it is reported once.
     reported: BTreeSet<String>,
 }
@@ -85,11 +92,6 @@ impl Registry {
         self.table.load()
     }
 
-    /// The model of requests that name none.
-    pub fn default_name(&self) -> Option<String> {
-        self.default_in(&self.table()).map(str::to_owned)
-    }
-
     /// The model that answers a request of a robot, where one is named.
     pub fn choose(
         &self,
@@ -98,20 +100,30 @@ impl Registry {
         robot: Option<&str>,
     ) -> Result<Arc<ServedModel>, LookupError> {
         let table = self.table();
-        let name = name.or_else(|| self.default_in(&table)).ok_or(LookupError::Empty)?;
-        let Some(serving) = table.get(name) else { return Err(self.absent(name)) };
+        let Some(name) = name else {
+            let default = table.default.as_deref().ok_or(LookupError::Empty)?;
+            let chosen = self.choose(Some(default), choice, robot);
+            // It is not the caller who named it.
+            return chosen.map_err(|error| match error {
+                LookupError::NoModel(name) => LookupError::NoDefault(name),
+                error => error,
+            });
+        };
+        let Some(serving) = table.models.get(name) else { return Err(self.absent(name)) };
         match (serving.choose(name, choice, robot), choice) {
             (Err(LookupError::NotReady(..)), Choice::Version(version)) => {
                 self.entry(name)?.version(name, *version)?;
                 Err(LookupError::NotReady(name.to_owned(), *version))
             }
+            // It may have been deleted.
+            (Err(LookupError::NothingServes(_)), _) => Err(self.absent(name)),
             (chosen, _) => chosen.cloned(),
         }
     }
 
     /// A place for a frame that this model has answered beside its shadow, if it has one and few frames wait.
     pub fn place_in_shadow(&self, served: &Arc<ServedModel>) -> Option<Place> {
-        self.table().get(&served.name)?.shadow_of(served)?.admit()
+        self.table().models.get(&served.name)?.shadow_of(served)?.admit()
     }
 
     /// All models, as they are now.
@@ -131,14 +143,7 @@ impl Registry {
 
     /// What serves under a name.
     pub fn serving(&self, name: &str) -> Serving {
-        self.table().get(name).cloned().unwrap_or_default()
-    }
-
-    fn default_in<'a>(&'a self, table: &'a Table) -> Option<&'a str> {
-        if !self.default_name.is_empty() {
-            return Some(&self.default_name);
-        }
-        table.iter().find(|(_, serving)| serving.stable.is_some()).map(|(name, _)| name.as_str())
+        self.table().models.get(name).cloned().unwrap_or_default()
     }
 
     /// Why nothing serves under a name.

@@ -1,6 +1,7 @@
 //! Who streams, for dashboards.
 
 use super::App;
+use super::auth::Key;
 use super::openapi::{RobotProblems, ViewerProblems};
 use super::problem::Problem;
 use crate::protocol::event::{FrameCounts, PastAnswer, RobotInfo, RobotList, RobotName};
@@ -9,7 +10,7 @@ use crate::protocol::stream::{DropReason, Mode, StreamResult};
 use axum::Json;
 use axum::extract::{Path, State};
 use std::collections::VecDeque;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 /// The last answers that are kept of a stream.
@@ -17,7 +18,10 @@ const N_ANSWERS: usize = 16;
 
 /// What dashboards may know of one stream; written by its task, read by anyone.
 pub struct Record {
-    session: String,
+    /// Its public name: nobody can resume the stream by it.
+    stream: String,
+    /// What opened it.
+    key: Option<Arc<Key>>,
     began: Instant,
     known: Mutex<Known>,
 }
@@ -26,6 +30,8 @@ pub struct Record {
 struct Known {
     robot: Option<String>,
     connected: bool,
+    /// Since when its connection is broken.
+    broke: Option<Instant>,
     mode: Mode,
     room: Option<(String, Instant)>,
     frames: FrameCounts,
@@ -42,9 +48,14 @@ struct Told {
 }
 
 impl Record {
-    /// Of a stream that begins.
-    pub fn new(session: String) -> Self {
-        Self { session, began: Instant::now(), known: Mutex::default() }
+    /// Of a stream that begins, opened with a key where there are keys.
+    pub fn new(stream: String, key: Option<Arc<Key>>) -> Self {
+        Self { stream, key, began: Instant::now(), known: Mutex::default() }
+    }
+
+    /// When it began.
+    pub fn began(&self) -> Instant {
+        self.began
     }
 
     /// The stream is configured so.
@@ -56,7 +67,14 @@ impl Record {
 
     /// Its connection stands, or does not.
     pub fn connected(&self, connected: bool) {
-        self.known().connected = connected;
+        let mut known = self.known();
+        known.connected = connected;
+        known.broke = (!connected).then(Instant::now);
+    }
+
+    /// When its connection broke, where it has none since.
+    pub fn broke(&self) -> Option<Instant> {
+        self.known().broke
     }
 
     /// Whether its connection stands.
@@ -97,9 +115,14 @@ impl Record {
         *self.known().frames.dropped.entry(reason).or_default() += 1;
     }
 
+    /// What opened it.
+    pub fn key(&self) -> Option<&Key> {
+        self.key.as_deref()
+    }
+
     /// Whose stream it is.
     pub fn name(&self) -> RobotName {
-        RobotName { session: self.session.clone(), robot: self.known().robot.clone() }
+        RobotName { stream: self.stream.clone(), robot: self.known().robot.clone() }
     }
 
     /// All of it.
@@ -115,6 +138,7 @@ impl Record {
         };
         RobotInfo {
             name,
+            key: self.key().map(|key| key.name().to_owned()),
             connected: known.connected,
             streaming_s: self.began.elapsed().as_secs_f64(),
             mode: known.mode,
@@ -131,6 +155,8 @@ impl Record {
 }
 
 /// Who streams
+///
+/// All streams, those included that broke off and can still be resumed.
 #[utoipa::path(
     get, path = "/v1/robots", tag = "dashboards", security(("key" = [])),
     responses((status = OK, description = "All streams", body = RobotList), ViewerProblems)
@@ -141,14 +167,14 @@ pub async fn list_robots(State(app): State<App>) -> Json<RobotList> {
 
 /// One robot
 ///
-/// By its name or its session; of several streams with one name, the one that began last.
+/// By its name or its stream's; of several streams with one name, the one that began last.
 #[utoipa::path(
     get, path = "/v1/robots/{id}", tag = "dashboards", security(("key" = [])),
-    params(("id" = String, Path, description = "The robot's name, or its session")),
+    params(("id" = String, Path, description = "The robot's name, or its stream's")),
     responses((status = OK, description = "The robot", body = RobotInfo), RobotProblems)
 )]
 pub async fn show_robot(State(app): State<App>, Path(id): Path<String>) -> Result<Json<RobotInfo>, Problem> {
-    let is_meant = |name: &RobotName| name.session == id || name.robot.as_deref() == Some(&id);
+    let is_meant = |name: &RobotName| name.stream == id || name.robot.as_deref() == Some(&id);
     let records = app.streams.records();
     let found = records.iter().filter(|record| is_meant(&record.name())).max_by_key(|record| record.began);
     found.map(|record| Json(record.info())).ok_or(Problem::NoRobot(id))

@@ -2,10 +2,12 @@
 
 use super::answers::answers;
 use super::asyncapi::stream_document;
+use super::auth::session;
 use super::body::{Frames, OneFrame};
 use super::metrics;
 use super::openapi::{
-    BatchForm, Description, FrameForm, FrameProblems, ImageBytes, PathProblems, ReadyProblems,
+    BatchForm, Description, FrameForm, FrameProblems, ImageBytes, LiveProblems, PathProblems, ReadyProblems,
+    accept_sessions,
 };
 use super::problem::{Kind, Problem};
 use super::query::Asked;
@@ -18,35 +20,50 @@ use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Redirect};
 use axum::routing::get;
 use axum::{Json, Router};
+use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;
-use utoipa_swagger_ui::SwaggerUi;
+use utoipa_swagger_ui::{self as swagger_ui, SwaggerUi};
 
 const SERVER_TIMING: HeaderName = HeaderName::from_static("server-timing");
 
 /// Everything the service answers. Pure: it listens nowhere.
 pub fn router(app: App) -> Router {
-    let (api, document) = described()
+    let (api, mut document) = described()
         .merge(robots().route_layer(from_fn_with_state(app.clone(), auth::robots)))
         .merge(viewers().route_layer(from_fn_with_state(app.clone(), auth::viewers)))
+        .merge(holders().route_layer(from_fn_with_state(app.clone(), auth::holders)))
         .merge(admins().route_layer(from_fn_with_state(app.clone(), auth::admins)))
         .merge(anyone())
         .split_for_parts();
-    api.merge(SwaggerUi::new("/docs").url("/openapi.json", document))
+    accept_sessions(&mut document);
+    // Addresses are relative, so that all of it works under a prefix that a proxy takes away.
+    let documentation = SwaggerUi::new("/docs").config(swagger_ui::Config::from("../openapi.json"));
+    let document = Arc::new(document);
+    let api = api
+        .merge(documentation)
+        .route("/openapi.json", get(async move || Json(document)))
         .route("/asyncapi.json", get(|| async { Json(stream_document()) }))
-        .route("/", get(|| async { Redirect::temporary("/docs/") }))
+        .route("/", get(|| async { Redirect::temporary("docs/") }))
         // Forms have limits of our own, see `body`.
         .layer(DefaultBodyLimit::disable())
-        .layer(CatchPanicLayer::custom(observe::panicked))
-        .layer(from_fn_with_state(app.clone(), observe::observe))
-        .with_state(app)
+        .layer(CatchPanicLayer::custom(observe::panicked));
+    let api = match app.sites.cors() {
+        Some(cors) => api.layer(cors),
+        None => api,
+    };
+    api.layer(from_fn_with_state(app.clone(), observe::observe)).with_state(app)
 }
 
 /// The OpenAPI document of [`router`].
 pub fn document() -> utoipa::openapi::OpenApi {
-    described().merge(robots()).merge(viewers()).merge(admins()).merge(anyone()).into_openapi()
+    let routes =
+        described().merge(robots()).merge(viewers()).merge(holders()).merge(admins()).merge(anyone());
+    let mut document = routes.into_openapi();
+    accept_sessions(&mut document);
+    document
 }
 
 fn described() -> OpenApiRouter<App> {
@@ -73,11 +90,16 @@ fn viewers() -> OpenApiRouter<App> {
         .merge(oip::viewers())
 }
 
+fn holders() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(session::sign_in, session::sign_out)).merge(oip::holders())
+}
+
 fn admins() -> OpenApiRouter<App> {
     OpenApiRouter::new()
         .routes(routes!(models::upload_version, models::delete_version))
         .routes(routes!(models::activate))
         .routes(routes!(models::rollback))
+        .routes(routes!(models::set_default))
         .routes(routes!(models::set_label, models::remove_label))
         .merge(oip::admins())
 }
@@ -92,7 +114,8 @@ fn anyone() -> OpenApiRouter<App> {
 
 /// Tells which room a frame shows
 ///
-/// The frame is JPEG, PNG, WebP, BMP or PGM: as the body itself, in a form, or in JSON.
+/// The frame is JPEG, PNG, WebP, BMP or PGM: as the body itself, in a form, or in JSON. What the body is its bytes
+/// tell: any type of image is taken, and those that clients send when nobody named one.
 #[utoipa::path(
     post, path = "/v1/recognize", tag = "recognize", security(("key" = [])), params(RecognizeQuery),
     request_body(content(
@@ -136,8 +159,11 @@ async fn recognize_batch(
 }
 
 /// Whether the process lives
+///
+/// It does where it answers.
 #[utoipa::path(
-    get, path = "/livez", tag = "health", responses((status = OK, description = "It lives", body = Health))
+    get, path = "/livez", tag = "health", security(),
+    responses((status = OK, description = "It lives", body = Health), LiveProblems)
 )]
 async fn live() -> Json<Health> {
     Json(Health { status: "live".to_owned() })
@@ -147,7 +173,7 @@ async fn live() -> Json<Health> {
 ///
 /// A model serves, a frame went through it, and the service is not stopping.
 #[utoipa::path(
-    get, path = "/readyz", tag = "health",
+    get, path = "/readyz", tag = "health", security(),
     responses((status = OK, description = "Frames are answered", body = Health), ReadyProblems)
 )]
 async fn ready(State(app): State<App>) -> Result<Json<Health>, Problem> {
@@ -162,7 +188,7 @@ async fn ready(State(app): State<App>) -> Result<Json<Health>, Problem> {
 ///
 /// The `type` of a problem leads here.
 #[utoipa::path(
-    get, path = "/problems/{name}", tag = "health",
+    get, path = "/problems/{name}", tag = "health", security(),
     params(("name" = String, Path, description = "The last part of a problem's `type`", example = "queue-full")),
     responses((status = OK, description = "The kind", body = KindInfo), PathProblems)
 )]

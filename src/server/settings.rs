@@ -1,7 +1,10 @@
 //! What an operator may set: defaults, then a file, then the environment, then flags.
 
-use super::auth::Key;
+use super::auth::{Key, Sites, check_together};
+use super::bodies;
+use super::pool::Size;
 use crate::image;
+use crate::model::MAX_MODEL_BYTES;
 use config::{Config, Environment, File, FileFormat};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
@@ -10,6 +13,8 @@ use std::time::Duration;
 
 /// The prefix of the environment's names: `ROOMSIGHT_QUEUE` sets `queue`.
 const ENVIRONMENT_PREFIX: &str = "ROOMSIGHT_";
+/// The longest life of a session, in milliseconds.
+const MAX_SESSION_MS: u64 = 30 * 24 * 3_600_000;
 
 /// All settings of the service. [`Settings::default`] is what runs when nothing is set.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -25,23 +30,44 @@ pub struct Settings {
     pub models_poll_ms: u64,
     /// Where versions from a bucket are kept.
     pub models_cache: PathBuf,
-    /// The longest upload of a version, in bytes.
+    /// The longest upload of a version, in bytes, also when it is unpacked; at most 1 GiB.
     pub max_model_bytes: u64,
-    /// The model of requests that name none; empty: the first by name.
+    /// The most uploads of versions at one time.
+    pub max_uploads: usize,
+    /// The model of requests that name none; empty: the one that the repository names, which is at first the first
+    /// by name.
     pub model: String,
-    /// Who may call, one `role:name:hash` each; `roomsight key new` makes them.
+    /// Who may call, one `role:name:hash` each, or `role:name:hash:robot+robot` where a key is bound to robots;
+    /// `roomsight key new` makes them.
     pub keys: Vec<Key>,
+    /// Names that the service answers to without keys, `name` or `name:port`, beside those of this machine
+    /// alone and all addresses.
+    pub hosts: Vec<String>,
+    /// The origins whose pages may call from a browser, such as `https://dashboard.example`.
+    pub origins: Vec<String>,
+    /// How long a browser stays signed in, in milliseconds.
+    pub session_ms: u64,
+    /// The service's certificate and those between it and its authority, a file of PEM; empty: no TLS.
+    pub tls_certificate: PathBuf,
+    /// The key of the certificate, a file of PEM.
+    pub tls_key: PathBuf,
+    /// Whose certificates callers must show, a file of PEM; empty: they need none.
+    pub tls_client_ca: PathBuf,
     /// Serve callers without a key on an address that others can reach.
     pub allow_anonymous: bool,
     /// Threads that recognize; 0: one a core.
     pub threads: usize,
     /// Frames that may wait for a thread.
     pub queue: usize,
+    /// The share of the queue and of the bytes of bodies that one caller may hold, above 0 and up to 1. A
+    /// batch and the longest body always fit.
+    pub caller_share: f64,
     /// The longest encoded frame, in bytes.
     pub max_frame_bytes: usize,
     /// The longest side of a frame, in pixels.
     pub max_frame_side: u32,
-    /// The most pixels in a frame.
+    /// The most pixels that are decoded of a frame; JPEGs of more are decoded at a half, a quarter or an
+    /// eighth of their size, where the model needs no more.
     pub max_frame_pixels: u64,
     /// The most memory that decoding one frame may take, in bytes.
     pub max_decode_bytes: u64,
@@ -57,17 +83,26 @@ pub struct Settings {
     pub header_timeout_ms: u64,
     /// How long a caller may take to send a body, in milliseconds.
     pub body_timeout_ms: u64,
+    /// How long nothing of an answer may be taken by a caller before its connection is ended, in milliseconds.
+    pub write_timeout_ms: u64,
     /// How long accepted requests may take to finish after a stop, in milliseconds.
     pub drain_timeout_ms: u64,
     /// The most streams at one time.
     pub max_streams: usize,
+    /// The most streams of one caller: of one key; without keys of one robot's name, or of an address whose
+    /// robots have none. 0: half of `max_streams`.
+    pub max_streams_per_caller: usize,
     /// The most frames of a stream without an answer in the mode `lossless`.
     pub stream_window: usize,
     /// How many bytes of frames without an answer a stream may hold before it is read no further.
     pub max_stream_bytes: usize,
-    /// How often a stream is asked for a sign of life, in milliseconds.
+    /// How long a stream's message may take to come in, in milliseconds.
+    pub stream_message_timeout_ms: u64,
+    /// How often a stream is asked for a sign of life, in milliseconds. A connection that does not even
+    /// acknowledge three of them has broken.
     pub stream_ping_ms: u64,
-    /// How long nothing may be heard on a stream before it is closed, in milliseconds.
+    /// How long no byte may come over a stream before it is closed, in milliseconds. Robots that answer pings
+    /// only when they look for answers must look more often.
     pub stream_idle_timeout_ms: u64,
     /// How long a robot may take to read what it is sent, in milliseconds.
     pub stream_write_timeout_ms: u64,
@@ -131,11 +166,19 @@ impl Default for Settings {
             models_poll_ms: 2000,
             models_cache: "models-cache".into(),
             max_model_bytes: 256 << 20,
+            max_uploads: 4,
             model: String::new(),
             keys: Vec::new(),
+            hosts: Vec::new(),
+            origins: Vec::new(),
+            session_ms: 3_600_000,
+            tls_certificate: PathBuf::new(),
+            tls_key: PathBuf::new(),
+            tls_client_ca: PathBuf::new(),
             allow_anonymous: false,
             threads: 0,
             queue: 64,
+            caller_share: 0.5,
             max_frame_bytes: frame.max_bytes,
             max_frame_side: frame.max_side,
             max_frame_pixels: frame.max_pixels,
@@ -146,12 +189,15 @@ impl Default for Settings {
             max_connections: 1024,
             header_timeout_ms: 30_000,
             body_timeout_ms: 10_000,
+            write_timeout_ms: 5_000,
             drain_timeout_ms: 10_000,
             max_streams: 1024,
+            max_streams_per_caller: 0,
             stream_window: 16,
             max_stream_bytes: 32 << 20,
+            stream_message_timeout_ms: 120_000,
             stream_ping_ms: 15_000,
-            stream_idle_timeout_ms: 45_000,
+            stream_idle_timeout_ms: 180_000,
             stream_write_timeout_ms: 10_000,
             stream_resume_ms: 30_000,
             log_format: LogFormat::Human,
@@ -193,12 +239,42 @@ impl Settings {
         Ok(toml::to_string_pretty(self)?)
     }
 
+    /// The names of all settings but `keys` that differ from others.
+    pub(super) fn changes_to(&self, other: &Self) -> Result<Vec<String>, SettingsError> {
+        let (old, new) = (toml::Table::try_from(self)?, toml::Table::try_from(other)?);
+        let names = old.into_iter().filter(|(name, value)| name != "keys" && new.get(name) != Some(value));
+        Ok(names.map(|(name, _)| name).collect())
+    }
+
     /// The number of recognizing threads.
     pub fn n_threads(&self) -> usize {
         match self.threads {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             n => n,
         }
+    }
+
+    /// The threads that recognize, and what may wait for them.
+    pub fn pool_size(&self) -> Size {
+        let n_of_share = (self.queue as f64 * self.caller_share).ceil() as usize;
+        Size {
+            n_threads: self.n_threads(),
+            n_waiting: self.queue,
+            n_waiting_a_caller: n_of_share.max(self.max_batch_frames).min(self.queue),
+        }
+    }
+
+    /// The longest body.
+    fn largest_body(&self) -> usize {
+        self.max_frame_bytes.max(self.max_batch_bytes)
+    }
+
+    /// How many bytes bodies of requests may hold: three quarters of all, so that frames of streams, unfinished
+    /// ones of which have a quarter, are not stopped by requests. The longest body always fits.
+    pub fn body_limits(&self) -> bodies::Limits {
+        let all = (self.max_buffered_bytes / 4 * 3).max(self.largest_body());
+        let of_share = (self.max_buffered_bytes as f64 * self.caller_share) as usize;
+        bodies::Limits { all, one_caller: of_share.max(self.largest_body()).min(all) }
     }
 
     /// What decoding a frame is limited to.
@@ -208,12 +284,18 @@ impl Settings {
             max_side: self.max_frame_side,
             max_pixels: self.max_frame_pixels,
             max_memory: self.max_decode_bytes,
+            ..image::Limits::default()
         }
     }
 
     /// [`Settings::models_poll_ms`] as a duration; none where it is 0.
     pub fn models_poll(&self) -> Option<Duration> {
         (self.models_poll_ms > 0).then_some(Duration::from_millis(self.models_poll_ms))
+    }
+
+    /// [`Settings::session_ms`] as a duration.
+    pub fn session(&self) -> Duration {
+        Duration::from_millis(self.session_ms)
     }
 
     /// [`Settings::header_timeout_ms`] as a duration.
@@ -226,9 +308,32 @@ impl Settings {
         Duration::from_millis(self.body_timeout_ms)
     }
 
+    /// [`Settings::write_timeout_ms`] as a duration.
+    pub fn write_timeout(&self) -> Duration {
+        Duration::from_millis(self.write_timeout_ms)
+    }
+
     /// [`Settings::drain_timeout_ms`] as a duration.
     pub fn drain_timeout(&self) -> Duration {
         Duration::from_millis(self.drain_timeout_ms)
+    }
+
+    /// The most streams of one caller.
+    pub fn max_streams_of_one(&self) -> usize {
+        match self.max_streams_per_caller {
+            0 => self.max_streams.div_ceil(2),
+            n => n,
+        }
+    }
+
+    /// [`Settings::stream_message_timeout_ms`] as a duration.
+    pub fn stream_message_timeout(&self) -> Duration {
+        Duration::from_millis(self.stream_message_timeout_ms)
+    }
+
+    /// How long what was sent over a connection may stay unacknowledged before it counts as broken.
+    pub fn unacknowledged_timeout(&self) -> Duration {
+        Duration::from_millis(self.stream_ping_ms.saturating_mul(3))
     }
 
     /// [`Settings::stream_ping_ms`] as a duration.
@@ -253,10 +358,17 @@ impl Settings {
 
     fn check(&self) -> Result<(), SettingsError> {
         let n_slots = self.n_threads() + self.queue;
-        let largest_body = self.max_frame_bytes.max(self.max_batch_bytes);
+        let largest_body = self.largest_body();
         let wrong = |name, reason: String| Err(SettingsError::Wrong { name, reason });
         if self.threads > 1024 {
             return wrong("threads", "more than 1024 threads; 0 means one a core".into());
+        }
+        if let Err(error) = check_together(&self.keys) {
+            return wrong("keys", error.to_string());
+        }
+        Sites::new(self)?;
+        if !(1000..=MAX_SESSION_MS).contains(&self.session_ms) {
+            return wrong("session_ms", format!("it must be from 1000 to {MAX_SESSION_MS}, 30 days"));
         }
         if self.max_connections == 0 || self.max_connections > 1_000_000 {
             return wrong("max_connections", "it must be from 1 to 1000000".into());
@@ -264,11 +376,37 @@ impl Settings {
         if self.queue > 1_000_000 {
             return wrong("queue", "it must be at most 1000000".into());
         }
+        if !(self.caller_share > 0.0 && self.caller_share <= 1.0) {
+            return wrong("caller_share", "it must be above 0 and at most 1, as 0.5 for one half".into());
+        }
+        if self.write_timeout_ms == 0 {
+            return wrong("write_timeout_ms", "it must be at least 1; 5000 suits slow networks too".into());
+        }
         if self.max_batch_frames == 0 || self.max_batch_frames > n_slots {
             return wrong(
                 "max_batch_frames",
                 format!("a batch must fit the queue: set it from 1 to {n_slots}, or raise `queue`"),
             );
+        }
+        if self.max_model_bytes == 0 || self.max_model_bytes > MAX_MODEL_BYTES {
+            return wrong(
+                "max_model_bytes",
+                format!("it must be from 1 to {MAX_MODEL_BYTES}: no longer model is read"),
+            );
+        }
+        if self.max_uploads == 0 || self.max_uploads > 1000 {
+            return wrong("max_uploads", "it must be from 1 to 1000".into());
+        }
+        for (name, value) in [
+            ("header_timeout_ms", self.header_timeout_ms),
+            ("body_timeout_ms", self.body_timeout_ms),
+            ("drain_timeout_ms", self.drain_timeout_ms),
+            ("stream_idle_timeout_ms", self.stream_idle_timeout_ms),
+            ("stream_write_timeout_ms", self.stream_write_timeout_ms),
+        ] {
+            if value == 0 {
+                return wrong(name, "no call can be made in no time: set it to 1 or more".into());
+            }
         }
         if self.max_streams > 1_000_000 {
             return wrong("max_streams", "it must be at most 1000000".into());
@@ -278,6 +416,15 @@ impl Settings {
         }
         if self.max_stream_bytes == 0 {
             return wrong("max_stream_bytes", "it must be at least 1: then a stream holds one frame".into());
+        }
+        if self.max_streams_per_caller > self.max_streams {
+            return wrong(
+                "max_streams_per_caller",
+                "it must be at most `max_streams`; 0 means half of it".into(),
+            );
+        }
+        if self.stream_message_timeout_ms == 0 {
+            return wrong("stream_message_timeout_ms", "it must be at least 1; 120000 is two minutes".into());
         }
         if self.stream_ping_ms == 0 || self.stream_ping_ms > self.stream_idle_timeout_ms {
             return wrong("stream_ping_ms", "it must be from 1 to `stream_idle_timeout_ms`".into());
@@ -311,6 +458,8 @@ fn texts(values: HashMap<String, String>) -> Environment {
         .try_parsing(true)
         .list_separator(",")
         .with_list_parse_key("keys")
+        .with_list_parse_key("hosts")
+        .with_list_parse_key("origins")
 }
 
 #[cfg(test)]
@@ -369,6 +518,22 @@ mod tests {
     }
 
     #[test]
+    fn lists_come_from_the_environment_by_commas() {
+        let environment =
+            map(&[("ROOMSIGHT_HOSTS", "lab,lab.example:80"), ("ROOMSIGHT_ORIGINS", "http://a")]);
+        let settings = Settings::load(None, environment, map(&[])).unwrap();
+        assert_eq!((settings.hosts.len(), settings.origins.len()), (2, 1));
+    }
+
+    #[test]
+    fn keys_of_one_name_are_refused() {
+        let keys = format!("robot:a:{0},viewer:a:{0}", "ab".repeat(32));
+        let error =
+            Settings::load(None, map(&[("ROOMSIGHT_KEYS", &keys)]), map(&[])).unwrap_err().to_string();
+        assert!(error.contains("keys") && error.contains("\"a\""), "{error}");
+    }
+
+    #[test]
     fn what_is_printed_without_keys_can_be_read_again() {
         let file = file(&Settings::default().to_toml().unwrap());
         let settings = Settings::load(Some(file.path()), map(&[]), map(&[])).unwrap();
@@ -380,10 +545,25 @@ mod tests {
         for (name, value) in [
             ("threads", "5000"),
             ("max_connections", "0"),
+            ("max_model_bytes", "1073741825"),
+            ("max_uploads", "0"),
+            ("header_timeout_ms", "0"),
+            ("body_timeout_ms", "0"),
+            ("drain_timeout_ms", "0"),
+            ("stream_idle_timeout_ms", "0"),
+            ("stream_write_timeout_ms", "0"),
             ("max_batch_frames", "0"),
             ("max_buffered_bytes", "10"),
+            ("max_streams_per_caller", "5000"),
+            ("stream_message_timeout_ms", "0"),
             ("queue", "many"),
+            ("caller_share", "0"),
+            ("caller_share", "1.5"),
+            ("write_timeout_ms", "0"),
             ("keys", "robot:wall-e:short"),
+            ("hosts", "http://lab"),
+            ("origins", "lab"),
+            ("session_ms", "0"),
             ("log_format", "xml"),
             ("otlp_endpoint", "https://collector:4318"),
         ] {

@@ -3,55 +3,63 @@
 //! | file | what |
 //! |---|---|
 //! | `settings` | how a stream is configured |
+//! | `wire` | the bytes of a WebSocket, taken apart |
+//! | `inbox` | its messages, put together within limits |
+//! | `intake` | the memory of frames under way, and who gives way where it is short |
 //! | `socket` | the WebSocket: messages in and out |
+//! | `places` | who may have a stream, and who gives way where places are short |
 //! | `session` | one stream from its first connection to its end |
 //! | `lane` | its frames that wait, and its one place in the queue of the threads |
 //! | `turn` | one of its frames on a thread |
 //! | `ledger` | its frames without an answer, told in order |
 //! | `teller` | what it says: answers, the filter's answers, changes of the model |
+//! | `moment` | when a frame was taken, by the robot's clock or by ours |
+//! | `kept` | what it has said, for a robot that comes back |
 //!
-//! A frame's way: `socket` → `session`: a number, its share of memory → `lane` → a thread takes the stream's
-//! first frame when its turn comes → `ledger` → `teller` → `socket`.
+//! A frame's way: `wire` → `inbox`: its share of memory → `session`: a number → `lane` → a thread takes the
+//! stream's first frame when its turn comes → `ledger` → `teller` → `socket`.
 
+mod inbox;
+mod intake;
+mod kept;
 mod lane;
 mod ledger;
+mod moment;
+mod places;
 mod session;
 mod settings;
 mod socket;
 mod teller;
 mod turn;
+mod wire;
 
-use super::App;
-use super::auth::{AuthError, KeyName, subprotocols};
+use super::auth::{Key, subprotocols};
+use super::caller::CallerId;
 use super::openapi::StreamProblems;
 use super::problem::Problem;
 use super::robots::Record;
+use super::{App, Settings};
 use crate::protocol::stream::{KEY_SUBPROTOCOL_PREFIX, SUBPROTOCOL, StreamQuery, StreamSettings};
 use axum::Extension;
 use axum::extract::{Query, Request, State};
-use axum::http::{HeaderMap, HeaderValue, Uri, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::Response;
 use hyper::upgrade::OnUpgrade;
-use session::Session;
+use inbox::{Inbox, Limits};
+use intake::Intake;
+use places::{NoPlace, Place, Places};
+use session::{Identity, Session};
 use socket::{Close, Socket};
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use tokio::sync::{Semaphore, mpsc};
 use tokio_util::task::TaskTracker;
 use tracing::Instrument;
 
 /// All streams.
 pub struct Streams {
-    entries: Mutex<BTreeMap<String, Entry>>,
-    permits: Arc<Semaphore>,
+    places: Places,
+    intake: Arc<Intake>,
     tasks: TaskTracker,
-}
-
-/// What is known of one stream outside its task.
-struct Entry {
-    arrivals: mpsc::Sender<Arrival>,
-    key: Option<KeyName>,
-    record: Arc<Record>,
 }
 
 /// A connection for a stream.
@@ -65,24 +73,25 @@ struct Arrival {
 
 /// A robot at the door.
 struct Caller {
-    key: Option<KeyName>,
+    key: Option<Arc<Key>>,
+    id: CallerId,
     query: StreamQuery,
     settings: StreamSettings,
 }
 
 impl Streams {
-    /// At most this many at one time.
-    pub fn new(max_streams: usize) -> Self {
+    /// As many as the settings allow, whose frames take their bytes from `memory`.
+    pub fn new(settings: &Settings, memory: Arc<Semaphore>) -> Self {
         Self {
-            entries: Mutex::default(),
-            permits: Arc::new(Semaphore::new(max_streams)),
+            places: Places::new(settings.max_streams, settings.max_streams_of_one()),
+            intake: Arc::new(Intake::new(memory, settings.max_buffered_bytes, settings.max_frame_bytes)),
             tasks: TaskTracker::new(),
         }
     }
 
-    /// What dashboards may know, by session.
+    /// What dashboards may know, the stream that began first first.
     pub fn records(&self) -> Vec<Arc<Record>> {
-        self.entries().values().map(|entry| entry.record.clone()).collect()
+        self.places.records()
     }
 
     /// Ready when the last stream has ended, after a stop.
@@ -94,17 +103,6 @@ impl Streams {
     /// Runs a task that a stop waits for.
     fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
         self.tasks.spawn(task.in_current_span());
-    }
-
-    /// How to reach a stream of the same key.
-    fn arrivals(&self, session: &str, key: Option<&KeyName>) -> Option<mpsc::Sender<Arrival>> {
-        let entries = self.entries();
-        let entry = entries.get(session).filter(|entry| entry.key.as_ref() == key)?;
-        Some(entry.arrivals.clone())
-    }
-
-    fn entries(&self) -> MutexGuard<'_, BTreeMap<String, Entry>> {
-        self.entries.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -118,7 +116,7 @@ impl Streams {
 )]
 pub async fn connect(
     State(app): State<App>,
-    key: Option<Extension<KeyName>>,
+    key: Option<Extension<Arc<Key>>>,
     mut request: Request,
 ) -> Result<Response, Problem> {
     let Query(query) = Query::<StreamQuery>::try_from_uri(request.uri())
@@ -126,31 +124,37 @@ pub async fn connect(
     if app.is_draining() {
         return Err(Problem::Draining);
     }
-    if app.settings.keys.is_empty() && is_from_another_site(request.headers()) {
-        return Err(AuthError::Origin.into());
-    }
     let key = key.map(|Extension(key)| key);
-    let initial = settings::initial(&app.registry, key.as_ref().map(|key| key.0.as_str()));
+    if let Some(robot) = &query.robot {
+        app.keyring.check_robot(key.as_deref(), robot)?;
+    }
+    let initial = settings::initial(&app.registry, key.as_ref().map(|key| key.robot()));
     let settings = settings::changed(&initial, query.change(), &app.registry)?;
     let (mut response, upgrade) = socket::handshake(&mut request).map_err(Problem::NoWebSocket)?;
     if let Some(protocol) = spoken(request.headers())? {
         response.headers_mut().insert(header::SEC_WEBSOCKET_PROTOCOL, protocol);
     }
-    let caller = Caller { key, query, settings };
+    let caller = Caller { key, id: CallerId::of(request.extensions()), query, settings };
     app.streams.spawn(welcome(app.clone(), upgrade, caller));
     Ok(response)
 }
 
 /// Hands the connection to the stream it resumes, or begins a stream.
-async fn welcome(app: App, upgrade: OnUpgrade, Caller { key, query, settings }: Caller) {
+async fn welcome(app: App, upgrade: OnUpgrade, Caller { key, id, query, settings }: Caller) {
     let upgraded = match upgrade.await {
         Ok(upgraded) => upgraded,
         Err(error) => return tracing::debug!(%error, "a connection did not become a stream"),
     };
-    let write_timeout = app.settings.stream_write_timeout();
-    let socket = Socket::open(upgraded, app.settings.max_frame_bytes, write_timeout).await;
+    let limits = Limits {
+        max_bytes: app.settings.max_frame_bytes,
+        message_timeout: app.settings.stream_message_timeout(),
+    };
+    let holder = id.clone().with_robot(settings.robot.as_deref());
+    let inbox = Inbox::new(&limits, app.streams.intake.clone(), holder.clone());
+    let socket = Socket::new(upgraded, inbox, app.settings.stream_write_timeout());
     let mut arrival = Arrival { socket, is_resumed: true, last_seq: query.last_seq };
-    if let Some(arrivals) = query.session.and_then(|id| app.streams.arrivals(&id, key.as_ref())) {
+    let resumed = query.session.and_then(|session| app.streams.places.arrivals(&session, key.as_deref()));
+    if let Some(arrivals) = resumed {
         match arrivals.send(arrival).await {
             Ok(()) => return,
             // The stream has just ended.
@@ -158,25 +162,41 @@ async fn welcome(app: App, upgrade: OnUpgrade, Caller { key, query, settings }: 
         }
     }
     arrival.is_resumed = false;
-    let (Ok(_permit), Ok(id)) = (app.streams.permits.clone().try_acquire_owned(), new_id()) else {
-        return arrival.socket.close(Close::TooMany).await;
+    let (session, stream) = match (random_name::<16>(), random_name::<8>()) {
+        (Ok(session), Ok(stream)) => (session, stream),
+        (Err(error), _) | (_, Err(error)) => {
+            tracing::error!(%error, "there are no random bytes for a stream's name");
+            return arrival.socket.close(Close::Full).await;
+        }
     };
-    let record = Arc::new(Record::new(id.clone()));
-    let session = match Session::new(app.clone(), id.clone(), settings, record.clone()) {
-        Ok(session) => session,
-        Err(problem) => return tracing::warn!(%problem, "a stream has no model"),
+    let record = Arc::new(Record::new(stream.clone(), key));
+    let identity = Identity { session: session.clone(), stream: stream.clone(), caller: id };
+    let conversation = match Session::new(app.clone(), identity, settings, record.clone()) {
+        Ok(conversation) => conversation,
+        Err(problem) => {
+            tracing::warn!(%problem, "a stream has no model");
+            return arrival.socket.close(Close::NoModel).await;
+        }
     };
     let (sender, arrivals) = mpsc::channel(1);
-    app.streams.entries().insert(id.clone(), Entry { arrivals: sender, key, record });
-    tracing::info!(session = id, "a stream begins");
-    session.run(arrival, arrivals).await;
-    app.streams.entries().remove(&id);
-    tracing::info!(session = id, "a stream ended");
+    let given_up = conversation.given_up().clone();
+    let place = Place { arrivals: sender, holder, record, given_up };
+    if let Err(no_place) = app.streams.places.take(session.clone(), place) {
+        let why = match no_place {
+            NoPlace::Full => Close::Full,
+            NoPlace::Share => Close::Share,
+        };
+        return arrival.socket.close(why).await;
+    }
+    tracing::info!(stream, "a stream begins");
+    conversation.run(arrival, arrivals).await;
+    app.streams.places.leave(&session);
+    tracing::info!(stream, "a stream ended");
 }
 
-/// A name that cannot be guessed: who knows it may resume the stream.
-fn new_id() -> Result<String, getrandom::Error> {
-    let mut bytes = [0; 16];
+/// So many random bytes, in hexadecimal digits.
+fn random_name<const N_BYTES: usize>() -> Result<String, getrandom::Error> {
+    let mut bytes = [0; N_BYTES];
     getrandom::fill(&mut bytes)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
@@ -193,31 +213,12 @@ fn spoken(headers: &HeaderMap) -> Result<Option<HeaderValue>, Problem> {
     }
 }
 
-/// Whether a browser says that a page of another site asks. Without keys such a page could stream, and read
-/// the answers, where only this machine is meant to.
-fn is_from_another_site(headers: &HeaderMap) -> bool {
-    let Some(origin) = headers.get(header::ORIGIN) else { return false };
-    let authority = || origin.to_str().ok()?.parse::<Uri>().ok()?.authority().map(ToString::to_string);
-    let host = headers.get(header::HOST).and_then(|host| host.to_str().ok());
-    authority().as_deref() != host
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn headers(pairs: &[(header::HeaderName, &'static str)]) -> HeaderMap {
         pairs.iter().map(|(name, value)| (name.clone(), HeaderValue::from_static(value))).collect()
-    }
-
-    #[test]
-    fn only_pages_of_this_service_may_stream_without_a_key() {
-        let asks =
-            |origin, host| is_from_another_site(&headers(&[(header::ORIGIN, origin), (header::HOST, host)]));
-        assert!(!is_from_another_site(&headers(&[(header::HOST, "robot:8080")])));
-        assert!(!asks("http://robot:8080", "robot:8080"));
-        assert!(asks("http://evil.example", "robot:8080"));
-        assert!(asks("null", "robot:8080"));
     }
 
     #[test]

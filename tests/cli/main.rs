@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
+mod data;
 mod models;
 
 use serde_json::Value;
@@ -149,6 +150,24 @@ fn recognize_names_the_room_of_each_frame() {
 }
 
 #[test]
+fn limits_and_missing_rows_are_told() {
+    let told = refused(FAILED, &["recognize", "--max-pixels", "6911", &LAB.model(), &LAB.frame("dots")]);
+    assert!(told.contains("96 x 72; the limit is 6911 pixels"), "{told}");
+    done(&["recognize", "--max-pixels", "6912", &LAB.model(), &LAB.frame("dots")]);
+    let told = refused(FAILED, &["recognize", "--max-bytes", "20", &LAB.model(), &LAB.frame("dots")]);
+    assert!(told.contains("the limit is 20"), "{told}");
+
+    let folder = TempDir::new().unwrap();
+    let cut = path(&folder, "cut.jpg");
+    frame("dots", 3).save(&cut).unwrap();
+    let bytes = fs::read(&cut).unwrap();
+    fs::write(&cut, &bytes[..bytes.len() - 200]).unwrap();
+    let told = roomsight(&["recognize", &LAB.model(), &cut]);
+    assert_eq!(told.code, DONE, "{}", told.err);
+    assert!(told.err.contains("rows are damaged or missing"), "{}", told.err);
+}
+
+#[test]
 fn recognize_answers_the_frames_that_it_can_read_and_fails_for_the_others() {
     let folder = TempDir::new().unwrap();
     fs::write(folder.path().join("text.png"), "no image").unwrap();
@@ -270,34 +289,6 @@ fn simulated_frames_are_called_so() {
     assert!(trained.contains("simulated frames"), "{trained}");
     let evaluated = done(&["evaluate", &model, &frames]);
     assert!(evaluated.contains("Simulated frames.") && evaluated.contains("seq3_sunny1"), "{evaluated}");
-}
-
-#[test]
-fn bad_files_of_a_data_set_are_named_and_counted() {
-    let folder = TempDir::new().unwrap();
-    write_rooms(folder.path());
-    for number in 0..7 {
-        fs::write(folder.path().join(format!("dots/bad{number}.png")), "no image").unwrap();
-    }
-    let told =
-        roomsight(&[&["train", &path(&folder, ""), "--output", &path(&folder, "m")], &QUICK[..]].concat());
-    assert_eq!(told.code, DONE, "{}", told.err);
-    assert!(told.err.contains("bad0.png") && told.err.contains("2 more"), "{}", told.err);
-    assert!(told.out.contains("36 of 36"), "{}", told.out);
-}
-
-#[test]
-fn data_that_nothing_can_be_learned_from_is_refused_with_a_reason() {
-    let folder = TempDir::new().unwrap();
-    fs::create_dir_all(folder.path().join("empty")).unwrap();
-    fs::create_dir_all(folder.path().join("one/kitchen")).unwrap();
-    frame("dots", 0).save(folder.path().join("one/kitchen/0.png")).unwrap();
-    for (data, reason) in [("missing", "no such"), ("empty", "not a data set"), ("one", "kitchen")] {
-        let error = refused(FAILED, &["train", &path(&folder, data), "-o", &path(&folder, "model")]);
-        assert!(error.contains(reason), "{data}: {error}");
-    }
-    let error = refused(FAILED, &["evaluate", &LAB.model(), &path(&folder, "empty")]);
-    assert!(error.contains("not a data set"), "{error}");
 }
 
 #[test]

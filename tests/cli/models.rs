@@ -1,6 +1,9 @@
 //! `roomsight models` and `train --publish`, in a folder and in a running service.
 
 use crate::{DONE, FAILED, LAB, QUICK, WRONG_USAGE, done, json, path, refused, roomsight};
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use roomsight::repository::package::pack;
 use serde_json::Value;
 use std::fs;
 use std::net::TcpListener;
@@ -56,6 +59,13 @@ fn walk(place: &[&str]) {
     let unfit = failing(&["label", "shadow", "lab/3", "--share", "0.5"]);
     assert!(unfit.contains("--share"), "{unfit}");
 
+    assert_eq!(step(&["default", "lab"])["default"], true);
+    assert!(done(&[&["models"], place, &["default", "lab"]].concat()).contains("lab answers"));
+    let listed = done(&[&["models"], place, &["list"]].concat());
+    assert!(listed.contains("lab answers requests that name no model"), "{listed}");
+    let unknown = failing(&["default", "attic"]);
+    assert!(unknown.contains("attic"), "{unknown}");
+
     let epoch = shown["epoch"].as_u64().unwrap().to_string();
     step(&["label", "canary", "lab", "--remove", "--epoch", &epoch]);
     step(&["delete", "lab/3"]);
@@ -73,6 +83,25 @@ fn walk(place: &[&str]) {
 fn models_come_and_go_in_a_folder() {
     let folder = TempDir::new().unwrap();
     walk(&["--models", &path(&folder, "models")]);
+}
+
+#[test]
+fn a_second_model_is_not_the_default_and_an_archive_can_be_pushed() {
+    let folder = TempDir::new().unwrap();
+    let place = ["--models", &path(&folder, "models")];
+    models(&place, &["push", &LAB.model(), "lab"]);
+    let archive = path(&folder, "lab.tar.gz");
+    let mut encoder = GzEncoder::new(fs::File::create(&archive).unwrap(), Compression::fast());
+    pack(Path::new(&LAB.model()), &mut encoder).unwrap();
+    encoder.finish().unwrap();
+    models(&place, &["push", &archive, "annex"]);
+    let defaults = |listed: &Value| {
+        let default = |model: &Value| model["default"] == true;
+        listed.as_array().unwrap().iter().map(default).collect::<Vec<_>>()
+    };
+    assert_eq!(defaults(&models(&place, &["list"])), [false, true], "annex, lab");
+    models(&place, &["default", "annex"]);
+    assert_eq!(defaults(&models(&place, &["list"])), [true, false]);
 }
 
 /// Kills the service when the test ends.
@@ -141,6 +170,9 @@ fn training_ends_in_a_repository() {
     assert!(Path::new(report["model"].as_str().unwrap()).join("model.safetensors").exists());
     let listed = models(&["--models", &repository], &["list"]);
     assert_eq!(labels(&listed[0]), ["2", "1"]);
+    let second = ["train", &data, "--publish", &repository, "--name", "annex"];
+    let told = done(&[&second, &QUICK[..]].concat());
+    assert!(told.contains("answered by lab") && told.contains("models default annex --models"), "{told}");
 
     for (arguments, reason) in [
         (vec!["--publish", &repository], "--name"),
@@ -170,6 +202,14 @@ fn wrong_models_and_names_are_refused_with_a_reason() {
     assert!(error.contains("exists already"), "{error}");
     let error = refused(WRONG_USAGE, &[&place[..], &["activate", "lab"]].concat());
     assert!(error.contains("\"lab\" is no name"), "{error}");
+    for number in ["007", "+7", "18446744073709551615"] {
+        let error =
+            refused(WRONG_USAGE, &[&place[..], &["push", &LAB.model(), &format!("lab/{number}")]].concat());
+        assert!(error.contains("such as 7"), "{error}");
+    }
+    done(&[&place[..], &["push", &LAB.model(), "lab/18446744073709551614"]].concat());
+    let error = refused(FAILED, &[&place[..], &["push", &LAB.model(), "lab"]].concat());
+    assert!(error.contains("no number is left"), "{error}");
     let error = refused(WRONG_USAGE, &[&place[..], &["show", "../lab"]].concat());
     assert!(error.contains("NAME/VERSION"), "{error}");
     let error = refused(FAILED, &["models", "--models", &path(&folder, "missing"), "list"]);

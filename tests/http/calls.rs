@@ -55,6 +55,39 @@ async fn a_frame_gets_the_same_answer_as_itself_in_a_form_and_in_json() {
 }
 
 #[tokio::test]
+async fn a_frame_is_read_whatever_its_sender_calls_it() {
+    let server = Server::start(Settings::default()).await;
+    let answer = success(server.post("/v1/recognize", jpeg()).send().await.unwrap()).await;
+    let base64 = BASE64_STANDARD.encode(jpeg());
+    let in_lines: Vec<&str> =
+        base64.as_bytes().chunks(76).map(|line| std::str::from_utf8(line).unwrap()).collect();
+    let json = |text: &str| json!({"frame": text}).to_string().into_bytes();
+    let types = [
+        "image/jpg",
+        "image/pjpeg",
+        "image/x-ms-bmp",
+        "image/*",
+        "binary/octet-stream",
+        "application/x-www-form-urlencoded",
+        "application/json",
+    ];
+    let mut bodies: Vec<(&str, Vec<u8>)> = types.into_iter().map(|name| (name, jpeg())).collect();
+    for text in [
+        in_lines.join("\r\n"),
+        base64.trim_end_matches('=').replace('+', "-").replace('/', "_"),
+        format!("data:image/jpeg;base64,{base64}"),
+    ] {
+        bodies.push(("application/json", json(&text)));
+    }
+    bodies.push(("application/x-www-form-urlencoded", json(&base64)));
+    for (media_type, body) in bodies {
+        println!("{media_type}, {} bytes", body.len());
+        let other = success(server.post_as("/v1/recognize", media_type, body).send().await.unwrap()).await;
+        assert_eq!(other["probabilities"], answer["probabilities"]);
+    }
+}
+
+#[tokio::test]
 async fn an_answer_carries_all_that_is_promised() {
     let server = Server::start(Settings::default()).await;
     let path = "/v1/recognize?robot=wall-e&captured_at=1700000000.25&explain=true&model=lab&version=1";
@@ -117,18 +150,38 @@ async fn a_batch_is_answered_in_order_with_errors_in_their_places() {
 }
 
 #[tokio::test]
+async fn a_frame_that_lacks_rows_is_answered_and_told() {
+    let server = Server::start(Settings::default()).await;
+    let ask = async |frame: Vec<u8>| success(server.post("/v1/recognize", frame).send().await.unwrap()).await;
+    assert_eq!(ask(jpeg()).await.get("damaged_rows"), None);
+    let cut = ask(jpeg()[..jpeg().len() * 9 / 10].to_vec()).await;
+    assert!(cut["damaged_rows"].as_u64().unwrap() > 0, "{cut}");
+}
+
+#[tokio::test]
+async fn a_format_that_is_not_read_is_named() {
+    let server = Server::start(Settings::default()).await;
+    let photo = b"\0\0\0\x18ftypheic\0\0\0\0mif1heic".to_vec();
+    let refusal =
+        problem(server.post("/v1/recognize", photo).send().await.unwrap(), 422, "not-an-image").await;
+    assert!(refusal["detail"].as_str().unwrap().contains("HEIC"), "{refusal}");
+}
+
+#[tokio::test]
 async fn bad_bodies_get_an_error_that_says_why() {
     let server = Server::start(Settings::default()).await;
-    let truncated = jpeg()[..jpeg().len() / 2].to_vec();
-    let cases: [(&str, Vec<u8>, u16, &str); 14] = [
+    let truncated = jpeg()[..jpeg().len() / 3].to_vec();
+    let cases: [(&str, Vec<u8>, u16, &str); 16] = [
         ("image/jpeg", vec![], 400, "bad-request"),
         ("image/jpeg", b"I am text".to_vec(), 422, "not-an-image"),
         ("image/jpeg", truncated, 422, "not-an-image"),
         ("image/png", png_claiming(60_000, 60_000), 413, "too-large"),
         ("image/jpeg", vec![0xFF; 50 << 20], 413, "too-large"),
         ("text/plain", frame(), 415, "unsupported-type"),
-        ("image/gif", frame(), 415, "unsupported-type"),
-        ("application/x-www-form-urlencoded", frame(), 415, "unsupported-type"),
+        ("video/mp4", frame(), 415, "unsupported-type"),
+        ("application/x-www-form-urlencoded", vec![b'x'; 2000], 400, "bad-request"),
+        ("application/json", br#"["AAAA"]"#.to_vec(), 400, "bad-request"),
+        ("application/json", b"null".to_vec(), 400, "bad-request"),
         ("application/json", b"{".to_vec(), 400, "bad-request"),
         ("application/json", br#"{"frame":"***"}"#.to_vec(), 400, "bad-request"),
         ("application/json", br#"{"frame":"","top":3}"#.to_vec(), 400, "bad-request"),
@@ -160,7 +213,7 @@ async fn frames_with_nothing_in_them_are_answered() {
 #[tokio::test]
 async fn a_body_without_a_length_is_cut_off_at_the_limit() {
     let server = Server::start(Settings { max_frame_bytes: 1000, ..Settings::default() }).await;
-    let head = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-type: image/jpeg\r\ntransfer-encoding: chunked\r\n\r\n";
+    let head = "POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\ncontent-type: image/jpeg\r\ntransfer-encoding: chunked\r\n\r\n";
     let chunk = format!("400\r\n{}\r\n", "x".repeat(0x400));
     let response = read_raw(server.send_raw(format!("{head}{chunk}").as_bytes())).await;
     assert!(response.starts_with("HTTP/1.1 413 "), "{response}");
@@ -176,6 +229,11 @@ async fn wrong_paths_methods_and_queries_are_problems_too() {
     let response = server.get("/v1/recognize").send().await.unwrap();
     assert_eq!(response.headers()["allow"], "POST");
     problem(response, 405, "method-not-allowed").await;
+    let response = server.get("/v1/stream").send().await.unwrap();
+    assert_eq!(response.headers()["upgrade"], "websocket");
+    assert_eq!(response.headers()["connection"], "Upgrade");
+    assert_eq!(response.headers()["sec-websocket-version"], "13");
+    problem(response, 426, "no-websocket").await;
     problem(server.get("/v1/models/none").send().await.unwrap(), 404, "no-such-model").await;
     problem(server.get("/v1/models/lab/versions/9").send().await.unwrap(), 404, "no-such-model").await;
     problem(server.get("/v1/models/lab/versions/x").send().await.unwrap(), 400, "bad-request").await;
@@ -188,6 +246,10 @@ async fn wrong_paths_methods_and_queries_are_problems_too() {
         ("modle=lab", 400, "bad-request"),
         ("top=many", 400, "bad-request"),
         ("robot=a%0Ab", 400, "bad-request"),
+        ("robot=", 400, "bad-request"),
+        ("robot=a%E2%80%AEb", 400, "bad-request"),
+        ("captured_at=garbage", 400, "bad-request"),
+        ("captured_at=2030-01-31T12:00:00+01:00", 400, "bad-request"),
         (&long, 400, "bad-request"),
         ("deadline_ms=0", 504, "deadline-passed"),
     ] {
@@ -257,7 +319,8 @@ async fn a_key_opens_what_its_role_may_and_nothing_else() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_caller_who_sends_too_much_can_send_it_all_and_then_reads_why() {
     let server = Server::start(Settings::default()).await;
-    let head = format!("POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: {}\r\n\r\n", 50 << 20);
+    let head =
+        format!("POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\ncontent-length: {}\r\n\r\n", 50 << 20);
     let mut stream = server.send_raw(head.as_bytes());
     stream.write_all(&vec![0; 50 << 20]).expect("the connection stays open");
     let response = read_raw(stream).await;
@@ -269,7 +332,7 @@ async fn a_caller_who_asks_before_sending_is_told_without_sending() {
     let server = Server::start(Settings { max_frame_bytes: 1000, ..Settings::default() }).await;
     let head = |n_bytes| {
         format!(
-            "POST /v1/recognize HTTP/1.1\r\nhost: x\r\nexpect: 100-continue\r\ncontent-length: {n_bytes}\r\n\r\n"
+            "POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\nexpect: 100-continue\r\ncontent-length: {n_bytes}\r\n\r\n"
         )
     };
     let response = read_raw(server.send_raw(head(1001).as_bytes())).await;
@@ -281,7 +344,7 @@ async fn a_caller_who_asks_before_sending_is_told_without_sending() {
 async fn the_key_is_checked_before_the_body_is_read() {
     let (_, key) = Key::new(Role::Robot, "wall-e", &[1; 32]).unwrap();
     let server = Server::start(Settings { keys: vec![key], ..Settings::default() }).await;
-    let head = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: 1000000\r\n\r\n";
+    let head = "POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1000000\r\n\r\n";
     let response = read_raw(server.send_raw(head.as_bytes())).await;
     assert!(response.starts_with("HTTP/1.1 401 "), "{response}");
 }

@@ -21,6 +21,8 @@ enum Operation {
     Upload(u64),
     Activate(u64),
     Delete(u64),
+    /// Lets a model answer requests that name none.
+    Default(&'static str),
 }
 
 /// What the service has acknowledged.
@@ -28,6 +30,7 @@ enum Operation {
 struct Acknowledged {
     versions: BTreeSet<u64>,
     stable: u64,
+    default: &'static str,
     /// What it was asked for and has not acknowledged: it may have been done, or not.
     open: Option<Operation>,
     n_uploaded: u64,
@@ -37,7 +40,8 @@ impl Acknowledged {
     /// The operation that comes next: many uploads, some activations, and few versions left.
     fn next(&self, idx: u64) -> Operation {
         let others = || self.versions.iter().copied().filter(|&version| version != self.stable);
-        match idx % 4 {
+        match idx % 5 {
+            4 => Operation::Default(if self.default == "lab" { "attic" } else { "lab" }),
             1 | 3 => others().next_back().map_or(Operation::Upload(self.n_uploaded + 2), Operation::Activate),
             2 if self.versions.len() > 3 => {
                 others().next().map_or(Operation::Activate(self.stable), Operation::Delete)
@@ -55,22 +59,26 @@ impl Acknowledged {
             Operation::Delete(version) => {
                 self.versions.remove(&version);
             }
+            Operation::Default(name) => self.default = name,
         }
     }
 
     /// Takes over what the service that is back says of the operation that was open.
-    fn settle(&mut self, lab: &Value) {
+    fn settle(&mut self, models: &Value) {
+        let lab = &models["models"][1];
+        let default = models["default"].as_str().unwrap();
         let number = |version: &Value| version.as_u64().unwrap();
         let versions: BTreeSet<u64> =
             lab["versions"].as_array().unwrap().iter().map(|version| number(&version["version"])).collect();
         let stable = number(&lab["serving"]);
         let before = format!("{self:?}");
         if let Some(operation) = self.open.take()
-            && (versions != self.versions || stable != self.stable)
+            && (versions != self.versions || stable != self.stable || default != self.default)
         {
             self.done(operation);
         }
-        assert_eq!((&versions, stable), (&self.versions, self.stable), "{before}");
+        let expected = (&self.versions, self.stable, self.default);
+        assert_eq!((&versions, stable, default), expected, "{before}");
     }
 }
 
@@ -95,10 +103,13 @@ async fn operate(url: &str, known: &mut Acknowledged, bodies: [&[u8]; 2]) {
         let call = match operation {
             Operation::Upload(version) => {
                 known.n_uploaded += 1;
-                client().put(format!("{url}/versions/{version}")).body(bodies[version as usize % 2].to_vec())
+                client()
+                    .put(format!("{url}/lab/versions/{version}"))
+                    .body(bodies[version as usize % 2].to_vec())
             }
-            Operation::Activate(version) => client().post(format!("{url}/versions/{version}/activate")),
-            Operation::Delete(version) => client().delete(format!("{url}/versions/{version}")),
+            Operation::Activate(version) => client().post(format!("{url}/lab/versions/{version}/activate")),
+            Operation::Delete(version) => client().delete(format!("{url}/lab/versions/{version}")),
+            Operation::Default(name) => client().put(format!("{url}/{name}/default")),
         };
         let Ok(answer) = call.send().await else { return };
         assert!(answer.status().is_success(), "{operation:?}: {answer:?}");
@@ -111,17 +122,22 @@ async fn operate(url: &str, known: &mut Acknowledged, bodies: [&[u8]; 2]) {
 async fn what_was_acknowledged_is_there_after_the_service_was_killed() {
     let folder = TempDir::new().unwrap();
     MODEL.save(&folder.path().join("lab/1"), &[]).unwrap();
-    // Somebody has decided that it serves.
-    fs::write(folder.path().join("lab/serving.json"), r#"{"epoch": 1, "settled": 1, "stable": 1}"#).unwrap();
+    MODEL.save(&folder.path().join("attic/1"), &[]).unwrap();
+    // Somebody has decided that they serve.
+    for name in ["lab", "attic"] {
+        let record = r#"{"epoch": 1, "settled": 1, "stable": 1}"#;
+        fs::write(folder.path().join(name).join("serving.json"), record).unwrap();
+    }
     let bodies = [packed(0), packed(1)];
-    let mut known = Acknowledged { versions: BTreeSet::from([1]), stable: 1, open: None, n_uploaded: 0 };
+    let versions = BTreeSet::from([1]);
+    let mut known = Acknowledged { versions, stable: 1, default: "attic", open: None, n_uploaded: 0 };
     for kill_idx in 0..=n_kills() {
         let mut running =
             Running::start(&["--models", folder.path().to_str().unwrap(), "--policy", "manual"]);
-        let url = format!("{}/v1/models/lab", running.url);
-        let lab = client().get(&url).send().await.unwrap().json::<Value>().await.unwrap();
-        known.settle(&lab);
-        let recognize = client().post(format!("{}/v1/recognize", running.url)).body(room(0, 0));
+        let url = format!("{}/v1/models", running.url);
+        let models = client().get(&url).send().await.unwrap().json::<Value>().await.unwrap();
+        known.settle(&models);
+        let recognize = client().post(format!("{}/v1/recognize?model=lab", running.url)).body(room(0, 0));
         let recognize = recognize.header("content-type", "application/octet-stream");
         let answer = recognize.send().await.unwrap().json::<Value>().await.unwrap();
         assert_eq!(answer["model"]["version"], known.stable, "{answer}");

@@ -1,6 +1,6 @@
 //! The service under pressure: full queues, slow and absent callers, and a stop in the middle.
 
-use crate::service::{SOON, Server, frame, problem, read_exactly, read_raw, success};
+use crate::service::{CONTINUE, SOON, Server, frame, problem, read_exactly, read_raw, success};
 use image::{GrayImage, ImageFormat};
 use roomsight::server::Settings;
 use std::io::Cursor;
@@ -9,17 +9,18 @@ use std::time::{Duration, Instant};
 use tokio::task::{JoinHandle, JoinSet};
 use tokio::time::{sleep, timeout};
 
-const SLOW_HEAD: &str = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: 1000\r\n\r\nonly this";
+const SLOW_HEAD: &str =
+    "POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1000\r\n\r\nonly this";
 /// The service asks for this body when it has admitted the request.
 const ASKED_HEAD: &str =
-    "POST /v1/recognize HTTP/1.1\r\nhost: x\r\nexpect: 100-continue\r\ncontent-length: 1000\r\n\r\n";
-const CONTINUE: &str = "HTTP/1.1 100 Continue\r\n\r\n";
+    "POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\nexpect: 100-continue\r\ncontent-length: 1000\r\n\r\n";
 
 /// A service of one thread with a queue of this length.
 pub async fn one_thread(queue: usize) -> Server {
     Server::start(Settings {
         threads: 1,
         queue,
+        caller_share: 1.0,
         max_batch_frames: 1,
         drain_timeout_ms: 60_000,
         ..Settings::default()
@@ -104,7 +105,7 @@ async fn a_head_that_never_ends_is_cut_off() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_head_that_is_too_long_is_refused() {
     let server = Server::start(Settings::default()).await;
-    let head = format!("GET /livez HTTP/1.1\r\nhost: x\r\nx-long: {}", "x".repeat(100_000));
+    let head = format!("GET /livez HTTP/1.1\r\nhost: localhost\r\nx-long: {}", "x".repeat(100_000));
     let response = read_raw(server.send_raw(head.as_bytes())).await;
     assert!(response.starts_with("HTTP/1.1 431 "), "{response}");
 }
@@ -118,7 +119,7 @@ async fn memory_for_bodies_is_bounded_for_all_callers_together() {
         ..Settings::default()
     };
     let server = Server::start(settings).await;
-    let head = "POST /v1/recognize HTTP/1.1\r\nhost: x\r\ncontent-length: 40000\r\n\r\n";
+    let head = "POST /v1/recognize HTTP/1.1\r\nhost: localhost\r\ncontent-length: 40000\r\n\r\n";
     let unfinished = format!("{head}{}", "x".repeat(39_000));
     let (held, refused) = timeout(SOON, async {
         loop {
@@ -197,6 +198,8 @@ async fn a_stop_answers_what_was_accepted_and_refuses_the_rest() {
     timeout(SOON, async { while !not_told().await {} }).await.unwrap();
     problem(server.get("/readyz").send().await.unwrap(), 503, "draining").await;
     problem(server.post("/v1/recognize", frame()).send().await.unwrap(), 503, "draining").await;
+    let upload = server.put("/v1/models/lab/versions/2", "a model").send().await.unwrap();
+    problem(upload, 503, "draining").await;
     success(server.get("/livez").send().await.unwrap()).await;
     for response in accepted {
         success(response.await.unwrap().unwrap()).await;
@@ -209,7 +212,7 @@ async fn a_stop_answers_what_was_accepted_and_refuses_the_rest() {
 async fn a_stop_waits_for_nobody_who_asks_nothing_and_not_for_ever() {
     let mut server = Server::start(Settings::default()).await;
     let _idle = server.send_raw(b"");
-    let kept = server.send_raw(b"GET /livez HTTP/1.1\r\nhost: x\r\n\r\n");
+    let kept = server.send_raw(b"GET /livez HTTP/1.1\r\nhost: localhost\r\n\r\n");
     let answer = read_raw(kept.try_clone().unwrap()).await;
     assert!(answer.starts_with("HTTP/1.1 200 "), "{answer}");
     server.stop();

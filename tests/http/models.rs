@@ -21,23 +21,23 @@ use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
 
-fn settings(folder: &TempDir) -> Settings {
+pub fn settings(folder: &TempDir) -> Settings {
     Settings { models: folder.path().to_owned(), models_poll_ms: 20, ..Settings::default() }
 }
 
-fn manual(folder: &TempDir) -> Settings {
+pub fn manual(folder: &TempDir) -> Settings {
     Settings { policy: Policy::Manual, ..settings(folder) }
 }
 
 /// A version's folder as it is uploaded.
-fn packed(folder: &Path) -> Vec<u8> {
+pub fn packed(folder: &Path) -> Vec<u8> {
     let mut body = Vec::new();
     pack(folder, &mut body).unwrap();
     body
 }
 
 /// The other model with golden frames, as it is uploaded.
-fn other_packed(golden_frames: &[GoldenFrame]) -> Vec<u8> {
+pub fn other_packed(golden_frames: &[GoldenFrame]) -> Vec<u8> {
     let folder = TempDir::new().unwrap();
     OTHER_MODEL.save(&folder.path().join("1"), golden_frames).unwrap();
     packed(&folder.path().join("1"))
@@ -85,15 +85,15 @@ impl Server {
         success(self.get("/v1/models/lab").send().await.unwrap()).await
     }
 
-    fn put(&self, path: &str, body: impl Into<reqwest::Body>) -> reqwest::RequestBuilder {
+    pub fn put(&self, path: &str, body: impl Into<reqwest::Body>) -> reqwest::RequestBuilder {
         client().put(format!("{}{path}", self.url)).body(body)
     }
 
-    fn delete(&self, path: &str) -> reqwest::RequestBuilder {
+    pub fn delete(&self, path: &str) -> reqwest::RequestBuilder {
         client().delete(format!("{}{path}", self.url))
     }
 
-    async fn activate(&self, version: u64) -> reqwest::Response {
+    pub async fn activate(&self, version: u64) -> reqwest::Response {
         self.post(&format!("/v1/models/lab/versions/{version}/activate"), vec![]).send().await.unwrap()
     }
 
@@ -106,7 +106,7 @@ impl Server {
 }
 
 /// Asks again until the answer is as it must become.
-async fn until(mut is_so: impl AsyncFnMut() -> bool) {
+pub async fn until(mut is_so: impl AsyncFnMut() -> bool) {
     let asking = async {
         while !is_so().await {
             tokio::time::sleep(Duration::from_millis(5)).await;
@@ -136,6 +136,15 @@ async fn a_version_is_uploaded_activated_rolled_back_and_deleted() {
     assert_eq!(success(activated).await["labels"], json!(["stable"]));
     assert_eq!(server.answer("").await, (2, "x".into()));
     assert_eq!(server.answer("?version=1").await, (1, "stripes".into()), "it is kept for a rollback");
+    assert_eq!(server.answer("?label=previous").await.0, 1);
+    for path in
+        ["/v1/recognize?version=01", "/v1/recognize?version=%2B1", "/v1/models/lab/versions/01/activate"]
+    {
+        let told = problem(server.post(path, room(0, 0)).send().await.unwrap(), 400, "bad-request").await;
+        assert!(told["detail"].as_str().unwrap().contains("such as 7"), "{told}");
+    }
+    let of_v2 = server.get("/v2/models/lab/versions/01/ready").send().await.unwrap();
+    assert_eq!(of_v2.status(), 400);
     problem(server.delete("/v1/models/lab/versions/2").send().await.unwrap(), 409, "conflict").await;
 
     let stale = server.post("/v1/models/lab/rollback", vec![]).header("if-match", "\"1\"");
@@ -217,7 +226,8 @@ async fn what_does_not_work_is_refused_with_its_reason_and_the_old_version_serve
     assert_eq!(server.answer("").await, (1, "stripes".into()));
     assert_eq!(server.lab().await["versions"].as_array().unwrap().len(), 1, "nothing of them is left");
     let left: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
-    assert!(left.iter().all(|name| name == "lab" || name == ".lock"), "{left:?}");
+    let kept = ["lab", ".lock", "default.json", ".default.lock"];
+    assert!(left.iter().all(|name| kept.iter().any(|kept| name == kept)), "{left:?}");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -305,6 +315,13 @@ async fn a_canary_answers_its_share_of_the_robots_and_each_stays_with_its_versio
     }
     assert!(by_version.iter().all(|&n| n >= 10), "{by_version:?}");
     assert_eq!(server.answer("").await.0, 1, "who has no name gets the stable version");
+    for _ in 0..16 {
+        let mut robot = Robot::connect(&server, "").await;
+        assert_eq!(robot.hello.model.version, 1);
+        robot.send(frame()).await;
+        let told = robot.next().await;
+        assert!(matches!(&told, ServerMessage::Result(told) if told.answer.model.version == 1), "{told:?}");
+    }
     assert_eq!(server.answer("?label=canary").await.0, 2);
     success(server.delete("/v1/models/lab/labels/canary").send().await.unwrap()).await;
     for robot in 0..10 {
@@ -387,6 +404,29 @@ async fn concurrent_changes_leave_one_version_and_lose_no_frame() {
     assert_eq!(labels.iter().filter(|labels| labels.to_string().contains("stable")).count(), 1, "{labels:?}");
     let stable = lab["serving"].as_u64().unwrap();
     assert_eq!(server.answer("").await.0, stable);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn of_many_changes_with_the_same_epoch_one_is_made() {
+    let folder = models();
+    write_model(&folder.path().join("lab/2"));
+    write_other_model(&folder.path().join("lab/3"));
+    let server = Server::of(manual(&folder)).await;
+    success(server.activate(1).await).await;
+    for epoch in 1..=10 {
+        let stable = server.lab().await["serving"].as_u64().unwrap();
+        let others = (1..=3).filter(|&version| version != stable).cycle().take(12);
+        let changes = others.map(|version| {
+            let path = format!("/v1/models/lab/versions/{version}/activate");
+            server.post(&path, vec![]).header("if-match", format!("\"{epoch}\"")).send()
+        });
+        let answers = futures_util::future::join_all(changes).await;
+        let statuses: Vec<u16> =
+            answers.into_iter().map(|answer| answer.unwrap().status().as_u16()).collect();
+        assert_eq!(statuses.iter().filter(|&&status| status == 200).count(), 1, "{statuses:?}");
+        assert_eq!(statuses.iter().filter(|&&status| status == 412).count(), 11, "{statuses:?}");
+        assert_eq!(server.lab().await["epoch"], epoch + 1);
+    }
 }
 
 #[cfg(unix)]

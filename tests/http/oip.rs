@@ -71,7 +71,10 @@ async fn the_service_and_its_models_tell_what_they_are() {
     assert_eq!(get("/v2/health/ready").await, json!({"ready": true}));
     let service = get("/v2").await;
     assert_eq!(service["name"], "roomsight");
-    assert_eq!(service["extensions"], json!(["binary_tensor_data", "model_repository"]));
+    assert_eq!(
+        service["extensions"],
+        json!(["binary_tensor_data", "model_configuration", "model_repository", "statistics"])
+    );
     let model = get("/v2/models/lab").await;
     assert_eq!(
         model,
@@ -91,6 +94,56 @@ async fn the_service_and_its_models_tell_what_they_are() {
     for path in ["/v2/models/lab/ready", "/v2/models/lab/versions/1/ready"] {
         assert_eq!(get(path).await, json!({"name": "lab", "ready": true}));
     }
+}
+
+#[tokio::test]
+async fn models_tell_tritons_tools_how_they_are_run() {
+    let server = Server::start(Settings { threads: 2, ..Settings::default() }).await;
+    let get = async |path: &str| success(server.get(path).send().await.unwrap()).await;
+    let config = get("/v2/models/lab/config").await;
+    assert_eq!(get("/v2/models/lab/versions/1/config").await, config);
+    assert_eq!((&config["name"], &config["max_batch_size"]), (&json!("lab"), &json!(0)));
+    assert_eq!(config["version_policy"], json!({"specific": {"versions": [1]}}));
+    assert_eq!(config["input"], json!([{"name": "frame", "data_type": "TYPE_STRING", "dims": [-1]}]));
+    let outputs = config["output"].as_array().unwrap();
+    assert_eq!(outputs[3], json!({"name": "probabilities", "data_type": "TYPE_FP32", "dims": [-1, 3]}));
+    assert_eq!(outputs[2]["data_type"], "TYPE_BOOL");
+    assert_eq!(config["instance_group"], json!([{"name": "lab", "kind": "KIND_CPU", "count": 2}]));
+    assert_eq!(config["model_transaction_policy"], json!({"decoupled": false}));
+    let get = |path: &'static str| server.get(path).send();
+    refused(get("/v2/models/none/config").await.unwrap(), 404, "none").await;
+    refused(get("/v2/models/lab/versions/9/config").await.unwrap(), 404, "9").await;
+}
+
+#[tokio::test]
+async fn models_tell_tritons_tools_what_they_have_done() {
+    let server = Server::start(Settings::default()).await;
+    let stats =
+        async |path: &str| success(server.get(path).send().await.unwrap()).await["model_stats"].take();
+    let before = stats("/v2/models/lab/stats").await;
+    assert_eq!((&before[0]["name"], &before[0]["version"]), (&json!("lab"), &json!("1")));
+    assert_eq!((&before[0]["last_inference"], &before[0]["inference_count"]), (&json!(0), &json!(0)));
+    assert_eq!(before[0]["batch_stats"], json!([]));
+    success(post_json(&server, INFER, &in_json(&[room(0, 3), room(1, 8)])).send().await.unwrap()).await;
+    success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
+    problem(server.post("/v1/recognize", b"no image".to_vec()).send().await.unwrap(), 422, "not-an-image")
+        .await;
+    let after = stats("/v2/models/lab/stats").await;
+    assert_eq!(stats("/v2/models/lab/versions/1/stats").await, after);
+    assert_eq!(stats("/v2/models/stats").await, after);
+    let after = &after[0];
+    assert_eq!((&after["inference_count"], &after["execution_count"]), (&json!(3), &json!(3)));
+    assert!(after["last_inference"].as_u64().unwrap() > 0, "{after}");
+    let steps = &after["inference_stats"];
+    assert_eq!((&steps["success"]["count"], &steps["fail"]["count"]), (&json!(3), &json!(1)));
+    let ns = |step: &str| steps[step]["ns"].as_u64().unwrap();
+    assert_eq!(ns("success"), ns("queue") + ns("compute_input") + ns("compute_infer"));
+    assert!(ns("compute_input") > 0 && ns("compute_infer") > 0, "{after}");
+    assert_eq!(after["batch_stats"][0]["batch_size"], 1);
+    assert_eq!(after["batch_stats"][0]["compute_infer"], steps["compute_infer"]);
+    let get = |path: &'static str| server.get(path).send();
+    refused(get("/v2/models/none/stats").await.unwrap(), 404, "none").await;
+    refused(get("/v2/models/lab/versions/9/stats").await.unwrap(), 404, "9").await;
 }
 
 #[tokio::test]
@@ -200,7 +253,7 @@ async fn limits_hold_before_bodies_are_read() {
     let settings = Settings { max_batch_bytes: 1000, threads: 1, queue: 0, ..Settings::default() };
     let server = Server::start(settings).await;
     let head = |path: &str, n_bytes: usize| {
-        format!("POST {path} HTTP/1.1\r\nhost: x\r\ncontent-length: {n_bytes}\r\n\r\n")
+        format!("POST {path} HTTP/1.1\r\nhost: localhost\r\ncontent-length: {n_bytes}\r\n\r\n")
     };
     let long = read_raw(server.send_raw(head(INFER, 1001).as_bytes())).await;
     assert!(long.starts_with("HTTP/1.1 413 ") && long.contains("{\"error\":"), "{long}");
@@ -238,15 +291,16 @@ async fn keys_open_what_their_role_may() {
     let server = Server::start(Settings { keys, ..Settings::default() }).await;
     let [robot, viewer, admin] = made.map(|(secret, _)| secret);
     let load = "/v2/repository/models/lab/load";
-    for (method, path, role) in [
-        ("GET", "/v2", &viewer),
-        ("GET", "/v2/models/lab", &viewer),
-        ("GET", "/v2/models/lab/versions/1/ready", &viewer),
-        ("POST", "/v2/repository/index", &viewer),
-        ("POST", INFER, &robot),
-        ("POST", "/v2/models/lab/versions/1/infer", &robot),
-        ("POST", load, &admin),
-    ] {
+    let cases: [(&str, &str, &[&String]); 7] = [
+        ("GET", "/v2", &[&robot, &viewer]),
+        ("GET", "/v2/models/lab", &[&robot, &viewer]),
+        ("GET", "/v2/models/lab/versions/1/ready", &[&robot, &viewer]),
+        ("POST", "/v2/repository/index", &[&viewer]),
+        ("POST", INFER, &[&robot]),
+        ("POST", "/v2/models/lab/versions/1/infer", &[&robot]),
+        ("POST", load, &[]),
+    ];
+    for (method, path, holders) in cases {
         for key in [&robot, &viewer, &admin] {
             let body = if path.ends_with("/infer") { in_json(&[frame()]).to_string() } else { String::new() };
             let request = match method {
@@ -254,7 +308,7 @@ async fn keys_open_what_their_role_may() {
                 _ => server.post_as(path, "application/json", body.into_bytes()),
             };
             let response = request.bearer_auth(key).send().await.unwrap();
-            if key == role || *key == admin {
+            if holders.contains(&key) || *key == admin {
                 assert_eq!(response.status(), 200, "{path}");
             } else {
                 refused(response, 403, "role").await;
@@ -265,7 +319,7 @@ async fn keys_open_what_their_role_may() {
     refused(unload.send().await.unwrap(), 403, "role").await;
     refused(server.get("/v2").send().await.unwrap(), 401, "key").await;
     success(server.get("/v2/health/ready").send().await.unwrap()).await;
-    let head = format!("POST {INFER} HTTP/1.1\r\nhost: x\r\ncontent-length: 1000000\r\n\r\n");
+    let head = format!("POST {INFER} HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1000000\r\n\r\n");
     let unread = read_raw(server.send_raw(head.as_bytes())).await;
     assert!(unread.starts_with("HTTP/1.1 401 ") && unread.contains("{\"error\":"), "{unread}");
 }
@@ -303,6 +357,10 @@ async fn the_repository_is_listed_and_loaded() {
     refused(attic, 503, "attic").await;
     refused(post("/v2/repository/models/lab/load", "{}").await.unwrap(), 409, "serves on").await;
     refused(post("/v2/repository/models/none/load", "").await.unwrap(), 404, "none").await;
+    refused(post("/v2/repository/models/none/load", "null").await.unwrap(), 404, "none").await;
+    refused(post("/v2/repository/models/none/load", "[]").await.unwrap(), 400, "object").await;
+    refused(post("/v2/repository/index", "[true]").await.unwrap(), 400, "object").await;
+    assert_eq!(success(post("/v2/repository/index", "null").await.unwrap()).await, index);
     let config = "{\"parameters\": {\"config\": \"{}\"}}";
     refused(post("/v2/repository/models/lab/load", config).await.unwrap(), 400, "parameters").await;
     refused(post("/v2/repository/models/none/unload", "").await.unwrap(), 404, "none").await;
@@ -310,7 +368,7 @@ async fn the_repository_is_listed_and_loaded() {
     assert_eq!(post("/v2/repository/models/lab/unload", "").await.unwrap().status(), 200);
     refused(server.get("/v2/models/lab/ready").send().await.unwrap(), 503, "no version").await;
     refused(post_json(&server, INFER, &in_json(&[frame()])).send().await.unwrap(), 503, "no version").await;
-    refused(server.get("/v2/health/ready").send().await.unwrap(), 503, "no model").await;
+    refused(server.get("/v2/health/ready").send().await.unwrap(), 503, "no version of the model").await;
 }
 
 #[tokio::test]

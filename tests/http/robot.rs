@@ -62,6 +62,11 @@ impl Robot {
         self.socket.send(Message::Binary(frame.into())).await.expect("the stream is open");
     }
 
+    /// Sends bytes as they are, which need be no message.
+    pub async fn send_raw(&mut self, bytes: &[u8]) {
+        tokio::io::AsyncWriteExt::write_all(self.socket.get_mut(), bytes).await.expect("the stream is open");
+    }
+
     pub async fn say(&mut self, text: &str) {
         self.socket.send(Message::Text(text.into())).await.expect("the stream is open");
     }
@@ -107,6 +112,28 @@ async fn heard(socket: &mut WebSocketStream<TcpStream>) -> Heard {
             Some(Ok(_)) => {}
             Some(Err(_)) | None => return Heard::Closed(None),
         }
+    }
+}
+
+/// A frame of a WebSocket as bytes, masked with zeros.
+pub fn raw(first: u8, n_bytes: usize, payload: &[u8]) -> Vec<u8> {
+    [&[first, 0xff][..], &(n_bytes as u64).to_be_bytes(), &[0; 4], payload].concat()
+}
+
+/// A message in two frames, so that nobody knows how long it will be.
+pub fn in_parts(message: &[u8]) -> Vec<u8> {
+    let (begin, end) = message.split_at(message.len() / 3);
+    [raw(0x02, begin.len(), begin), raw(0x80, end.len(), end)].concat()
+}
+
+/// The code with which a stream is closed before it begins.
+pub async fn closed_at_the_door(server: &Server, query: &str) -> u16 {
+    let request = format!("ws://{}/v1/stream{query}", server.address);
+    let stream = TcpStream::connect(&server.address).await.unwrap();
+    let (mut socket, _) = client_async(request, stream).await.unwrap();
+    match timeout(SOON, socket.next()).await.unwrap().unwrap().unwrap() {
+        Message::Close(Some(frame)) => frame.code.into(),
+        other => panic!("{other:?}"),
     }
 }
 

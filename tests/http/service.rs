@@ -17,11 +17,15 @@ use tokio::net::TcpListener;
 use tokio::sync::oneshot;
 use tokio::task::{JoinHandle, spawn_blocking};
 
+/// What a caller is told who waits before it sends a body.
+pub const CONTINUE: &str = "HTTP/1.1 100 Continue\r\n\r\n";
+
 /// Patience with what must happen, on the slowest machine.
 pub const SOON: Duration = Duration::from_secs(30);
 
 /// A running service. It stops when told, or when dropped.
 pub struct Server {
+    pub app: App,
     pub url: String,
     pub address: String,
     stop: Option<oneshot::Sender<()>>,
@@ -45,10 +49,10 @@ impl Server {
         let listener = TcpListener::bind("127.0.0.1:0").await.expect("a free port");
         let address = listener.local_addr().expect("an address").to_string();
         let (stop, stopped) = oneshot::channel();
-        let task = tokio::spawn(serve(app, listener, async {
+        let task = tokio::spawn(serve(app.clone(), listener, async {
             let _ = stopped.await;
         }));
-        Self { url: format!("http://{address}"), address, stop: Some(stop), task, _models: None }
+        Self { app, url: format!("http://{address}"), address, stop: Some(stop), task, _models: None }
     }
 
     /// Opens a connection and sends these few bytes over it.

@@ -1,19 +1,19 @@
 //! Streams over real WebSockets.
 
 use crate::load::{one_thread, slow_frame, very_slow_frame};
-use crate::robot::{Heard, Robot, seq_of};
+use crate::robot::{Heard, Robot, closed_at_the_door, seq_of};
 use crate::service::{SOON, Server, frame, models, problem, room, success, write_model};
-use futures_util::StreamExt;
 use roomsight::protocol::event::RobotInfo;
-use roomsight::protocol::header::Header;
+use roomsight::protocol::header::{Header, MAX_SEQ};
 use roomsight::protocol::stream::{
-    Configure, DropReason, FilterChange, FilterChoice, FilterSettings, Mode, ServerMessage, StreamResult,
+    Configure, DropReason, FilterChange, FilterChoice, FilterSettings, Mode, NoticeKind, ServerMessage,
+    StreamResult,
 };
 use roomsight::server::{Key, Role, Settings};
 use std::io::Write;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::time::{sleep, timeout};
-use tokio_tungstenite::tungstenite::{self, Message};
+use tokio_tungstenite::tungstenite;
 
 fn result(message: ServerMessage) -> StreamResult {
     match message {
@@ -25,6 +25,13 @@ fn result(message: ServerMessage) -> StreamResult {
 fn error(message: &ServerMessage) -> (Option<u64>, &str) {
     match message {
         ServerMessage::Error { seq, problem } => (*seq, problem.r#type.strip_prefix("/problems/").unwrap()),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn detail(message: ServerMessage) -> String {
+    match message {
+        ServerMessage::Error { problem, .. } => problem.detail,
         other => panic!("{other:?}"),
     }
 }
@@ -50,10 +57,11 @@ async fn bare_frames_are_numbered_and_answered_in_order() {
         robot.send(room(seq % 3, 5)).await;
     }
     for seq in 0..30 {
-        let StreamResult { seq: told, answer, filtered, age_ms } = result(robot.next().await);
+        let StreamResult { seq: told, answer, filtered, age_ms, notice } = result(robot.next().await);
+        assert_eq!(notice, None);
         assert_eq!((told, answer.room.as_str()), (seq, rooms[seq as usize % 3]));
         assert_eq!((answer.probabilities.len(), answer.robot.as_deref()), (2, Some("wall-e")));
-        assert_eq!(answer.request_id, robot.hello.session);
+        assert_eq!(answer.request_id, robot.hello.stream);
         assert!(filtered.is_some() && age_ms.is_none());
     }
 }
@@ -119,6 +127,50 @@ async fn a_header_numbers_and_dates_a_frame() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_number_that_leaves_none_for_others_is_refused_with_one_that_can_be_given() {
+    let server = Server::start(Settings::default()).await;
+    let mut robot = Robot::connect(&server, "?mode=lossless").await;
+    let numbered = |seq| Header { seq, captured_at_ns: None }.join(&frame());
+    for (next, seq) in (0..).zip([u64::MAX, u64::MAX - 1, MAX_SEQ + 1]) {
+        robot.send(numbered(seq)).await;
+        let told = detail(robot.next().await);
+        assert!(told.contains(&format!("from {next} to {MAX_SEQ}")), "{told}");
+        robot.send(frame()).await;
+        assert_eq!(result(robot.next().await).seq, next);
+    }
+    robot.send(numbered(MAX_SEQ)).await;
+    assert_eq!(result(robot.next().await).seq, MAX_SEQ);
+    robot.send(numbered(MAX_SEQ)).await;
+    let told = detail(robot.next().await);
+    assert!(told.contains("without a header"), "{told}");
+    robot.send(frame()).await;
+    assert_eq!(result(robot.next().await).seq, MAX_SEQ + 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn stamps_that_do_not_advance_are_told_once_and_the_filter_lets_go() {
+    let server = Server::start(Settings::default()).await;
+    let stamps: [fn(u64) -> u64; 3] =
+        [|_| 0, |_| 1_800_000_000_000_000_000, |seq| (1 << 60) - seq * 1_000_000];
+    for stamp in stamps {
+        let mut robot = Robot::connect(&server, "?mode=lossless").await;
+        let mut told = Vec::new();
+        for seq in 0..40 {
+            let place_idx = u32::from(seq >= 12);
+            let header = Header { seq, captured_at_ns: Some(stamp(seq)) };
+            robot.send(header.join(&room(place_idx, seq as u32))).await;
+            told.push(result(robot.next().await));
+        }
+        let first = told.iter().position(|result| result.notice.is_some());
+        assert_eq!(first, Some(1), "with the first frame whose stamp does not advance");
+        assert_eq!(told.iter().filter(|result| result.notice.is_some()).count(), 1);
+        assert_eq!(told[1].notice.as_ref().unwrap().kind, NoticeKind::Stamps);
+        assert_eq!(told[39].filtered.as_ref().unwrap().room, "bars");
+        assert!(told.iter().all(|result| result.age_ms.is_none()), "such an age would mean nothing");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_cannot_be_used_is_answered_and_the_stream_lives() {
     let server = Server::start(Settings { max_frame_pixels: 100_000, ..Settings::default() }).await;
     let mut robot = Robot::connect(&server, "?mode=lossless").await;
@@ -128,10 +180,12 @@ async fn what_cannot_be_used_is_answered_and_the_stream_lives() {
     assert_eq!(error(&robot.next().await), (Some(1), "bad-request"));
     robot.send(slow_frame()).await;
     assert_eq!(error(&robot.next().await), (Some(2), "too-large"));
-    for text in ["/9j/4AAQSkZJRg", r#"{"type":"configure","mood":"good"}"#, "", &"[".repeat(20_000)] {
+    for text in ["/9j/4AAQSkZJRg", r#"{"type":"configure","mood":"good"}"#, "", &"/9j/4AAQ".repeat(20_000)] {
         robot.say(text).await;
         let told = robot.next().await;
-        assert!(matches!(error(&told), (None, "bad-request" | "too-large")), "{told:?}");
+        assert!(matches!(error(&told), (None, "bad-request")), "{told:?}");
+        let detail = detail(told);
+        assert!(detail.contains("frames are binary messages") || text.starts_with('{'), "{detail}");
     }
     robot.send(frame()).await;
     assert_eq!(result(robot.next().await).seq, 3);
@@ -144,11 +198,18 @@ async fn a_message_that_is_too_long_or_none_closes_its_stream_alone() {
     let mut other = Robot::connect(&server, "").await;
     robot.send(vec![0; 1 << 20]).await;
     assert!(matches!(robot.heard().await, Heard::Closed(Some(1009))));
-    let mut wrong = Robot::connect(&server, "").await;
-    // A text message, masked with zeros, that is no UTF-8: a JPEG sent as text.
-    let text = [0x81, 0x83, 0, 0, 0, 0, 0xff, 0xd8, 0xff];
-    tokio::io::AsyncWriteExt::write_all(wrong.socket.get_mut(), &text).await.unwrap();
-    assert!(matches!(wrong.heard().await, Heard::Closed(Some(1008))));
+    // Masked with zeros: a JPEG sent as text; a frame without a mask; a reserved bit; a close with half a code.
+    for (bytes, code) in [
+        (&[0x81, 0x83, 0, 0, 0, 0, 0xff, 0xd8, 0xff][..], 1007),
+        (&[0x82, 0x01, 0], 1002),
+        (&[0xc2, 0x81, 0, 0, 0, 0, 0], 1002),
+        (&[0x88, 0x81, 0, 0, 0, 0, 0], 1002),
+    ] {
+        let mut wrong = Robot::connect(&server, "").await;
+        wrong.send_raw(bytes).await;
+        let heard = wrong.heard().await;
+        assert!(matches!(heard, Heard::Closed(Some(told)) if told == code), "{bytes:?}: {heard:?}");
+    }
     other.send(frame()).await;
     assert_eq!(result(other.next().await).seq, 0);
 }
@@ -258,50 +319,11 @@ async fn who_may_stream_is_told_before_the_stream_begins() {
 async fn further_streams_are_told_to_come_back() {
     let server = Server::start(Settings { max_streams: 1, ..Settings::default() }).await;
     let first = Robot::connect(&server, "").await;
-    let request = format!("ws://{}/v1/stream", server.address);
-    let stream = tokio::net::TcpStream::connect(&server.address).await.unwrap();
-    let (mut second, _) = tokio_tungstenite::client_async(request, stream).await.unwrap();
-    let told = second.next().await.unwrap().unwrap();
-    let Message::Close(Some(frame)) = told else { panic!("{told:?}") };
-    assert_eq!(u16::from(frame.code), 1013);
+    assert_eq!(closed_at_the_door(&server, "").await, 1013);
     drop(first);
-}
-
-#[tokio::test(flavor = "multi_thread")]
-async fn a_robot_that_comes_back_gets_what_it_missed_and_keeps_its_filter() {
     let server = Server::start(Settings::default()).await;
-    let mut robot = Robot::connect(&server, "?mode=lossless&robot=wall-e").await;
-    for shift in 0..4 {
-        robot.send(room(0, shift)).await;
-    }
-    let mut last = result(robot.next().await);
-    while last.seq < 3 {
-        last = result(robot.next().await);
-    }
-    let session = robot.hello.session.clone();
-    // Without a close frame: the connection breaks.
-    drop(robot);
-    let mut robot = Robot::connect(&server, &format!("?session={session}&last_seq=1")).await;
-    assert_eq!((robot.hello.resumed, robot.hello.next_seq, &robot.hello.session), (true, 4, &session));
-    assert_eq!(robot.hello.settings.mode, Mode::Lossless, "the stream stays configured");
-    assert_eq!(result(robot.next().await).seq, 2);
-    assert_eq!(result(robot.next().await).seq, 3);
-    robot.send(room(0, 4)).await;
-    let next = result(robot.next().await);
-    assert_eq!(next.seq, 4);
-    assert!(next.filtered.unwrap().probability >= last.filtered.unwrap().probability - 0.05);
-    // It comes back while the old connection still seems to stand.
-    let again = Robot::connect(&server, &format!("?session={session}&last_seq=4")).await;
-    assert!(again.hello.resumed);
-    assert!(matches!(robot.heard().await, Heard::Closed(Some(1008))));
-    // A stream that was closed is over.
-    let mut again = again;
-    again.socket.close(None).await.unwrap();
-    let answered = again.socket.next().await.unwrap().unwrap();
-    assert!(matches!(answered, Message::Close(_)), "{answered:?}");
-    assert!(again.socket.next().await.is_none());
-    let fresh = Robot::connect(&server, &format!("?session={session}")).await;
-    assert!(!fresh.hello.resumed && fresh.hello.session != session);
+    server.post("/v2/repository/models/lab/unload", vec![]).send().await.unwrap().error_for_status().unwrap();
+    assert_eq!(closed_at_the_door(&server, "").await, 1013, "no model serves");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -359,6 +381,8 @@ async fn a_robot_that_never_reads_and_one_that_stops_halfway_disturb_nobody() {
     let settings = Settings {
         stream_ping_ms: 50,
         stream_idle_timeout_ms: 400,
+        // Answers to pings come as bytes of the message that is not complete.
+        stream_message_timeout_ms: 400,
         stream_write_timeout_ms: 300,
         stream_resume_ms: 1,
         ..Settings::default()

@@ -1,8 +1,9 @@
 //! Whatever a robot does, each of its accepted frames is told once, in order.
 
-use crate::robot::{Heard, Robot, seq_of};
+use crate::robot::{Heard, Robot, in_parts, seq_of};
 use crate::service::{Server, models, pgm, room, write_model};
 use proptest::prelude::*;
+use roomsight::protocol::header::Header;
 use roomsight::protocol::stream::ServerMessage;
 use roomsight::server::Settings;
 use std::time::Duration;
@@ -24,6 +25,9 @@ enum Act {
 #[derive(Clone, Copy, Debug)]
 enum Frame {
     Good(u8),
+    /// With a header, which may say anything of the time.
+    Dated(u64),
+    InParts(u8),
     Large,
     Bad(u16),
 }
@@ -40,6 +44,8 @@ fn act() -> impl Strategy<Value = Act> {
     ];
     prop_oneof![
         6 => any::<u8>().prop_map(|shift| Act::Send(Frame::Good(shift))),
+        2 => any::<u64>().prop_map(|stamp| Act::Send(Frame::Dated(stamp))),
+        1 => any::<u8>().prop_map(|shift| Act::Send(Frame::InParts(shift))),
         1 => Just(Act::Send(Frame::Large)),
         2 => (0..3000_u16).prop_map(|n_bytes| Act::Send(Frame::Bad(n_bytes))),
         2 => prop::sample::select(texts.to_vec()).prop_map(Act::Say),
@@ -67,7 +73,14 @@ impl Account {
     async fn perform(&mut self, act: Act, server: &Server) {
         match act {
             Act::Send(frame) => {
-                self.robot.send(bytes(frame)).await;
+                match frame {
+                    Frame::InParts(_) => self.robot.send_raw(&in_parts(&bytes(frame))).await,
+                    Frame::Dated(stamp) => {
+                        let header = Header { seq: self.n_accepted, captured_at_ns: Some(stamp) };
+                        self.robot.send(header.join(&bytes(frame))).await;
+                    }
+                    _ => self.robot.send(bytes(frame)).await,
+                }
                 self.n_accepted += 1;
             }
             Act::Say(text) => self.robot.say(text).await,
@@ -101,7 +114,8 @@ impl Account {
 
 fn bytes(frame: Frame) -> Vec<u8> {
     match frame {
-        Frame::Good(shift) => room(u32::from(shift) % 3, u32::from(shift)),
+        Frame::Good(shift) | Frame::InParts(shift) => room(u32::from(shift) % 3, u32::from(shift)),
+        Frame::Dated(stamp) => room((stamp % 3) as u32, (stamp % 97) as u32),
         Frame::Large => pgm(640, 480, |column, row| (column / 9 * 57 + row / 7 * 91) as u8),
         // Never the beginning of a header.
         Frame::Bad(n_bytes) => vec![b'x'; usize::from(n_bytes)],
@@ -126,7 +140,16 @@ fn each_accepted_frame_is_told_once_and_in_order() {
     let runtime = tokio::runtime::Runtime::new().unwrap();
     let folder = models();
     write_model(&folder.path().join("lab/2"));
-    let settings = Settings { models: folder.path().to_owned(), threads: 2, ..Settings::default() };
+    // Memory is short: two large frames are more than there is.
+    let max_bytes = 320_000;
+    let settings = Settings {
+        models: folder.path().to_owned(),
+        threads: 2,
+        max_frame_bytes: max_bytes,
+        max_batch_bytes: max_bytes,
+        max_buffered_bytes: max_bytes,
+        ..Settings::default()
+    };
     let server = runtime.block_on(Server::of(settings));
     let mut runner = proptest::test_runner::TestRunner::new(ProptestConfig {
         cases: 24,

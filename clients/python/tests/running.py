@@ -2,6 +2,7 @@
 
 import os
 import socket
+import ssl
 import subprocess
 import tempfile
 import time
@@ -17,6 +18,10 @@ PATIENCE_S = 60.0
 class RunningService(unittest.TestCase):
     """What needs a service. It is started once for each class of tests."""
 
+    #: Settings as ``NAME=VALUE``, beside the defaults.
+    settings: "list[str]" = []
+    #: The authority of the service's certificate, where it has one.
+    authority: "Path | None" = None
     folder: "tempfile.TemporaryDirectory[str]"
     process: "subprocess.Popen[bytes]"
     address: str
@@ -33,24 +38,26 @@ class RunningService(unittest.TestCase):
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             cls.address = f"127.0.0.1:{free.getsockname()[1]}"
-        cls.url = f"http://{cls.address}"
+        cls.url = f"{'https' if cls.authority else 'http'}://{cls.address}"
         models = str(REPOSITORY / "models")
         cls.process = subprocess.Popen(
-            [BINARY, "serve", "--models", models, "--listen", cls.address, "--set", "log_level=error"]
+            [BINARY, "serve", "--models", models, "--listen", cls.address]
+            + [argument for setting in ["log_level=error", *cls.settings] for argument in ("--set", setting)]
         )
         cls.addClassCleanup(cls.process.wait)
         cls.addClassCleanup(cls.process.terminate)
         started = time.monotonic()
-        while not is_ready(cls.url):
+        while not is_ready(cls.url, cls.authority):
             if cls.process.poll() is not None or time.monotonic() - started > PATIENCE_S:
                 raise AssertionError("the service did not get ready")
             time.sleep(0.05)
 
 
-def is_ready(url: str) -> bool:
+def is_ready(url: str, authority: "Path | None" = None) -> bool:
     """Whether a service answers frames."""
+    believed = ssl.create_default_context(cafile=authority) if authority else None
     try:
-        with urllib.request.urlopen(f"{url}/readyz") as answer:
+        with urllib.request.urlopen(f"{url}/readyz", context=believed) as answer:
             return bool(answer.status == 200)
     except OSError:
         return False

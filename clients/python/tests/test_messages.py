@@ -57,6 +57,10 @@ class Messages(unittest.TestCase):
         both = read_message(json.dumps({**RESULT, "filtered": hall}))
         assert isinstance(both, Result)
         self.assertEqual((both.room, both.probability, both.answer.room), ("hall", 0.6, "kitchen"))
+        self.assertIsNone(both.notice)
+        noticed = read_message(json.dumps({**RESULT, "notice": {"kind": "stamps", "detail": "they stand still"}}))
+        assert isinstance(noticed, Result) and noticed.notice is not None
+        self.assertEqual((noticed.notice.kind, noticed.notice.detail), ("stamps", "they stand still"))
 
     def test_what_is_no_message_is_refused(self) -> None:
         cut = {name: value for name, value in RESULT.items() if name != "room"}

@@ -77,6 +77,8 @@ class Service(RunningService, unittest.IsolatedAsyncioTestCase):
             with client.resume(lost.exception.point) as resumed:
                 self.assertTrue(resumed.hello.resumed)
                 self.assertEqual(resumed.hello.session, stream.hello.session)
+                self.assertEqual(resumed.hello.stream, stream.hello.stream)
+                self.assertNotEqual(resumed.hello.stream, resumed.hello.session)
                 seq = resumed.send(self.frames[1])
                 self.assertEqual((seq, resumed.answer(PATIENCE_S).seq), (1, 1))
 

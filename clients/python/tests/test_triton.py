@@ -97,11 +97,22 @@ class Triton(RunningService):
             (r"\[400\].*classification", lambda: self.client.infer(MODEL, [good], outputs=classes)),
             (r"\[404\].*nowhere", lambda: self.client.infer("nowhere", [good])),
             (r"\[415\].*gzip", lambda: self.client.infer(MODEL, [good], request_compression_algorithm="gzip")),
-            (r"\[404\]", lambda: self.client.get_model_config(MODEL)),
+            (r"\[404\].*nowhere", lambda: self.client.get_model_config("nowhere")),
         ]
         for message, call in cases:
             with self.subTest(message), self.assertRaisesRegex(InferenceServerException, message):
                 call()
+
+    def test_how_a_model_is_run_and_what_it_has_done(self) -> None:
+        config = self.client.get_model_config(MODEL)
+        self.assertEqual((config["name"], config["max_batch_size"]), (MODEL, 0))
+        self.assertEqual([output["name"] for output in config["output"]], OUTPUTS)
+        self.assertEqual(self.client.get_model_config(MODEL, "1"), config)
+        before = self.client.get_inference_statistics(MODEL, "1")["model_stats"][0]
+        self.client.infer(MODEL, [images(self.bytes, [len(self.bytes)])])
+        after = self.client.get_inference_statistics()["model_stats"][0]
+        self.assertEqual((after["name"], after["version"]), (MODEL, "1"))
+        self.assertEqual(after["inference_count"] - before["inference_count"], len(self.bytes))
 
     def test_the_repository(self) -> None:
         index = self.client.get_model_repository_index()

@@ -3,8 +3,10 @@
 use super::Target;
 use crate::model::{LoadedModel, Model, TriedModel, try_model};
 use crate::protocol::rest::{ModelInfo, VersionInfo, VersionState};
-use crate::repository::package::copy;
-use crate::repository::{Change, Listing, Record, Repository, VersionId};
+use crate::repository::package::{Limits, copy, unpack};
+use crate::repository::{
+    Change, DefaultModel, Listing, Record, Repository, RepositoryError, Scan, VersionId,
+};
 use anyhow::{Context, bail, ensure};
 use serde::Serialize;
 use std::fs;
@@ -43,15 +45,52 @@ impl Local {
         Ok(local)
     }
 
-    /// Adds a version of this number, or of the next one, once it has been tried.
-    pub fn push(&self, folder: &Path, name: &str, version: Option<u64>) -> anyhow::Result<VersionId> {
+    /// Adds a version of this number, or of the next one, once it has been tried: the model's folder, or an archive
+    /// of it.
+    pub fn push(&self, model: &Path, name: &str, version: Option<u64>) -> anyhow::Result<VersionId> {
         let staged = self.0.stage()?;
-        copy(folder, staged.path()).with_context(|| format!("{} holds no model", folder.display()))?;
+        if model.is_file() {
+            unpack(model, staged.path(), &Limits::default()).with_context(|| model.display().to_string())?;
+        } else {
+            copy(model, staged.path()).with_context(|| format!("{} holds no model", model.display()))?;
+        }
         try_model(staged.path(), |_| ())?;
-        let version = version.map_or_else(|| self.next_version(name), Ok)?;
-        let id = VersionId::new(name, version);
+        let before = self.0.scan()?;
+        let id = match version {
+            Some(version) => VersionId::new(name, version),
+            None => self.next_version(&before, name)?,
+        };
         self.0.publish(&id, staged)?;
+        self.settle_default(&before, name)?;
         Ok(id)
+    }
+
+    /// Keeps the default model what it was before a model of this name was added: where nobody has said it, the
+    /// first by name of those that were there.
+    fn settle_default(&self, before: &Scan, name: &str) -> anyhow::Result<()> {
+        if before.default.is_some() {
+            return Ok(());
+        }
+        let first = before.models.keys().next().map_or(name, String::as_str);
+        match self.0.write_default(&DefaultModel::after(None, first)) {
+            // Somebody else has said it meanwhile.
+            Err(RepositoryError::DefaultOvertaken(_)) => Ok(()),
+            written => Ok(written?),
+        }
+    }
+
+    pub(super) fn set_default(&self, name: &str) -> anyhow::Result<ModelInfo> {
+        self.model(name)?;
+        let current = self.0.default_model()?;
+        if current.as_ref().is_none_or(|current| current.model != name) {
+            self.0.write_default(&DefaultModel::after(current.as_ref(), name))?;
+        }
+        self.model(name)
+    }
+
+    /// The model of requests that name none, where that was said.
+    pub fn default_name(&self) -> anyhow::Result<Option<String>> {
+        Ok(self.0.default_model()?.map(|default| default.model))
     }
 
     /// Where the files of a version are.
@@ -62,13 +101,11 @@ impl Local {
     pub(super) fn list(&self) -> anyhow::Result<Vec<ModelInfo>> {
         let scan = self.0.scan()?;
         scan.foreign.iter().for_each(|foreign| eprintln!("left alone: {foreign}"));
-        Ok(scan.models.iter().map(|(name, listing)| model_info(name, listing)).collect())
+        Ok(scan.models.keys().filter_map(|name| model_info(name, &scan)).collect())
     }
 
     pub(super) fn model(&self, name: &str) -> anyhow::Result<ModelInfo> {
-        let scan = self.0.scan()?;
-        let listing = scan.models.get(name).with_context(|| format!("there is no model {name}"))?;
-        Ok(model_info(name, listing))
+        model_info(name, &self.0.scan()?).with_context(|| format!("there is no model {name}"))
     }
 
     pub(super) fn version(&self, id: &VersionId) -> anyhow::Result<VersionInfo> {
@@ -133,11 +170,10 @@ impl Local {
     }
 
     /// One more than any that there was.
-    fn next_version(&self, name: &str) -> anyhow::Result<u64> {
+    fn next_version(&self, scan: &Scan, name: &str) -> anyhow::Result<VersionId> {
         let settled = self.0.record(name)?.settled;
-        let scan = self.0.scan()?;
         let listed = scan.models.get(name).and_then(|listing| listing.versions.last_key_value());
-        Ok(listed.map_or(0, |(version, _)| *version).max(settled) + 1)
+        Ok(VersionId::after(name, listed.map_or(0, |(version, _)| *version).max(settled))?)
     }
 
     fn record(&self, name: &str, epoch: Option<u64>) -> anyhow::Result<Record> {
@@ -149,14 +185,16 @@ impl Local {
     }
 }
 
-fn model_info(name: &str, listing: &Listing) -> ModelInfo {
-    let Listing { versions, record } = listing;
-    ModelInfo {
+/// What a scan says of a model, where it is there.
+fn model_info(name: &str, scan: &Scan) -> Option<ModelInfo> {
+    let Listing { versions, record } = scan.models.get(name)?;
+    Some(ModelInfo {
         name: name.to_owned(),
+        default: scan.default.as_ref().is_some_and(|default| default.model == name),
         serving: record.stable,
         epoch: record.epoch,
         versions: versions.keys().rev().map(|&version| version_info(version, record)).collect(),
-    }
+    })
 }
 
 fn version_info(version: u64, record: &Record) -> VersionInfo {

@@ -9,6 +9,14 @@ use serde::Serialize;
 
 /// All versions of all models.
 pub(super) fn models(models: &[ModelInfo]) -> anyhow::Result<()> {
+    versions(models)?;
+    if let Some(default) = models.iter().find(|model| model.default) {
+        say!("{} answers requests that name no model", default.name)?;
+    }
+    Ok(())
+}
+
+fn versions(models: &[ModelInfo]) -> anyhow::Result<()> {
     let mut table = output::table(["model", "version", "state", "serves as", ""]);
     for ModelInfo { name, versions, .. } in models {
         for (version_idx, version) in versions.iter().enumerate() {

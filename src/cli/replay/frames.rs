@@ -73,7 +73,7 @@ impl Frames {
         let frame = self.frames[frame_idx].clone();
         let path = frame.path.clone();
         let reading = spawn_blocking(move || read(&frame)).await;
-        reading.unwrap_or_else(|error| Err(Problem { path, reason: error.to_string() }))
+        reading.unwrap_or_else(|error| Err(Problem::new(&path, error.to_string())))
     }
 }
 

@@ -245,7 +245,9 @@ fn kind(error: &ClientError) -> String {
         ClientError::Call(error) if error.is_connect() => "no connection".to_owned(),
         ClientError::Call(_) | ClientError::Broken(_) => "connection broke".to_owned(),
         ClientError::Message(_) => "unreadable message".to_owned(),
-        ClientError::Url { .. } | ClientError::Key | ClientError::Late => error.to_string(),
+        ClientError::Url { .. } | ClientError::Key | ClientError::Late | ClientError::Authorities(_) => {
+            error.to_string()
+        }
     }
 }
 

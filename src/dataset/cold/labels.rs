@@ -1,6 +1,9 @@
 //! `places.lst`: a frame and its room a line, `t<s>_x<m>_y<m>_a<rad>.jpeg LABEL`.
+//!
+//! Frames that were encoded anew have other endings than their lines: a frame is named by what comes before.
 
 use super::Part;
+use crate::dataset::files::is_picture_ending;
 use crate::dataset::{Pose, Problem};
 use std::collections::HashSet;
 use std::path::Path;
@@ -8,8 +11,8 @@ use std::path::Path;
 /// One line of a `places.lst`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelLine {
-    /// The name of the image file.
-    pub file: String,
+    /// The name of the image file, without its ending.
+    pub frame: String,
     /// When the frame was taken, in seconds since 1970; from the name.
     pub time: f64,
     /// Where it was taken; from the name.
@@ -28,16 +31,22 @@ pub struct LabelLine {
 pub fn parse_places(text: &str, path: &Path) -> (Vec<LabelLine>, Vec<Problem>) {
     let mut lines = Vec::new();
     let mut problems = Vec::new();
-    let mut files_seen = HashSet::new();
+    let mut frames_seen = HashSet::new();
+    let problem = |line_idx: usize, reason| Problem::new(path, reason).at(line_idx as u64 + 1);
     for (line_idx, text) in text.lines().enumerate().filter(|(_, text)| !text.trim().is_empty()) {
         match parse_line(text) {
-            Ok(line) if files_seen.insert(line.file.clone()) => lines.push(line),
-            Ok(line) => problems.push((line_idx, format!("{} is labeled a second time", line.file))),
-            Err(reason) => problems.push((line_idx, reason.to_owned())),
+            Ok(line) if frames_seen.insert(line.frame.clone()) => lines.push(line),
+            Ok(_) => problems.push(problem(line_idx, "its frame is labeled a second time")),
+            Err(reason) => problems.push(problem(line_idx, reason)),
         }
     }
-    let problem = |(line_idx, reason)| Problem::new(path, format!("line {}: {reason}", line_idx + 1));
-    (lines, problems.into_iter().map(problem).collect())
+    (lines, problems)
+}
+
+/// The name of a frame's file without the ending of a picture; `None` where it has no such ending.
+pub(super) fn frame_name(file: &str) -> Option<&str> {
+    let (frame, ending) = file.rsplit_once('.')?;
+    is_picture_ending(ending).then_some(frame)
 }
 
 /// COLD's labels. The papers use BR for what the files call TL.
@@ -65,7 +74,8 @@ fn parse_line(text: &str) -> Result<LabelLine, &'static str> {
     let (Some(file), Some(label), None) = (tokens.next(), tokens.next(), tokens.next()) else {
         return Err("not a file name and a label");
     };
-    let (time, pose) = parse_file_name(file).ok_or("the file name is not t<s>_x<m>_y<m>_a<rad>.jpeg")?;
+    let named = frame_name(file).and_then(|frame| Some((frame, parse_frame_name(frame)?)));
+    let (frame, (time, pose)) = named.ok_or("the file name is not t<s>_x<m>_y<m>_a<rad>.jpeg")?;
     let (room, part) = match label.rsplit_once('-') {
         Some((room, "A")) => (room, Some(Part::A)),
         Some((room, "B")) => (room, Some(Part::B)),
@@ -73,11 +83,11 @@ fn parse_line(text: &str) -> Result<LabelLine, &'static str> {
     };
     let known = PLACES.iter().find(|(token, _)| *token == room);
     let place = known.map_or(label, |(_, place)| place).to_owned();
-    Ok(LabelLine { file: file.to_owned(), time, pose, place, known: known.is_some(), part })
+    Ok(LabelLine { frame: frame.to_owned(), time, pose, place, known: known.is_some(), part })
 }
 
-fn parse_file_name(file: &str) -> Option<(f64, Pose)> {
-    let mut fields = file.strip_suffix(".jpeg")?.split('_');
+fn parse_frame_name(frame: &str) -> Option<(f64, Pose)> {
+    let mut fields = frame.split('_');
     let mut number = |prefix: char| -> Option<f64> {
         let value: f64 = fields.next()?.strip_prefix(prefix)?.parse().ok()?;
         value.is_finite().then_some(value)
@@ -101,7 +111,7 @@ mod tests {
         let (lines, problems) = parse("t1152214411.174715_x0.21_y-1_a-0.5.jpeg 2PO1-A\r\n");
         assert_eq!(problems, []);
         let expected = LabelLine {
-            file: "t1152214411.174715_x0.21_y-1_a-0.5.jpeg".into(),
+            frame: "t1152214411.174715_x0.21_y-1_a-0.5".into(),
             time: 1_152_214_411.174_715,
             pose: Pose { x: 0.21, y: -1.0, angle: -0.5 },
             place: "two-person office 1".into(),
@@ -130,7 +140,8 @@ mod tests {
         let good = "t1_x0_y0_a0.jpeg CR";
         let names = [
             "t1_x0_y0.jpeg",
-            "t1_x0_y0_a0.png",
+            "t1_x0_y0_a0.txt",
+            "t1_x0_y0_a0",
             "tnan_x0_y0_a0.jpeg",
             "t1_x0_y0_ainf.jpeg",
             "t1_x0_y0_a0_b0.jpeg",
@@ -142,10 +153,10 @@ mod tests {
         {
             let (lines, problems) = parse(&format!("{good}\n\n{bad}\n"));
             assert_eq!(lines.len(), 1, "{bad}");
-            assert!(problems[0].reason.starts_with("line 3: "), "{bad}: {problems:?}");
+            assert_eq!(problems[0].line, Some(3), "{bad}: {problems:?}");
         }
-        let (_, problems) = parse(&format!("{good}\n{good}\n"));
-        assert_eq!(problems[0].reason, "line 2: t1_x0_y0_a0.jpeg is labeled a second time");
+        let (_, problems) = parse(&format!("{good}\nt1_x0_y0_a0.PNG KT\n"));
+        assert_eq!(problems[0].to_string(), "places.lst, line 2: its frame is labeled a second time");
     }
 
     proptest! {

@@ -2,8 +2,9 @@
 
 use super::tensor::{ElementsError, Texts, elements};
 use super::{FRAME, OutputName};
-use base64::Engine;
-use base64::prelude::BASE64_STANDARD;
+use crate::protocol::base64_text::{self, Base64Error};
+use crate::protocol::object::Object;
+use crate::protocol::rest::EXAMPLE_FRAME;
 use serde::de::{Error, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::borrow::Cow;
@@ -42,19 +43,20 @@ pub struct AskedOutput {
 #[derive(Debug, Deserialize, ToSchema)]
 #[schema(example = json!({
     "id": "42",
-    "inputs": [{"name": "frame", "datatype": "BYTES", "shape": [1], "data": ["/9j/4AAQSkZJRgABAQ..."]}],
+    "inputs": [{"name": "frame", "datatype": "BYTES", "shape": [1], "data": [EXAMPLE_FRAME]}],
     "outputs": [{"name": "room"}, {"name": "probability"}]
 }))]
 pub struct InferRequest<'a> {
     /// Sent back.
     id: Option<String>,
     /// What is asked besides.
+    #[serde(default, deserialize_with = "object")]
     parameters: Option<InferParameters>,
     /// One: the tensor `frame`.
-    #[serde(borrow, deserialize_with = "few")]
+    #[serde(borrow, deserialize_with = "few_objects")]
     inputs: Vec<InferInput<'a>>,
     /// The tensors that are wanted; left out: all.
-    #[serde(default, deserialize_with = "few")]
+    #[serde(default, deserialize_with = "few_objects")]
     outputs: Vec<InferOutput>,
 }
 
@@ -87,7 +89,7 @@ pub struct InferInput<'a> {
     #[serde(deserialize_with = "few")]
     shape: Vec<u64>,
     /// Where the frames follow behind the JSON, each after its length, a little-endian u32.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "object")]
     parameters: Option<InputParameters>,
     /// The frames, where they do not: encoded images, in base64.
     #[serde(default, borrow)]
@@ -110,7 +112,7 @@ pub struct InferOutput {
     /// Which.
     name: OutputName,
     /// How.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "object")]
     parameters: Option<OutputParameters>,
 }
 
@@ -179,7 +181,7 @@ pub enum RequestError {
         /// Which, from 0.
         frame_idx: usize,
         /// Why.
-        reason: base64::DecodeError,
+        reason: Base64Error,
     },
     /// Memory that only a process beside ours could share.
     #[error("shared memory is not read or written here; send the bytes")]
@@ -196,7 +198,8 @@ impl<'a> Inference<'a> {
         let json_length = json_length.unwrap_or(body.len());
         let too_long = RequestError::JsonLength { json_length, body: body.len() };
         let (json, binary) = body.split_at_checked(json_length).ok_or(too_long)?;
-        let request: InferRequest = serde_json::from_slice(json).map_err(|error| unreadable(&error))?;
+        let Object::<InferRequest>(request) =
+            serde_json::from_slice(json).map_err(|error| unreadable(&error))?;
         let parameters = request.parameters.unwrap_or_default();
         let outputs = asked(&request.outputs, parameters.binary_data_output)?;
         let [input] = <[InferInput; 1]>::try_from(request.inputs).map_err(|_| RequestError::Inputs)?;
@@ -255,7 +258,7 @@ impl<'a> InferInput<'a> {
 }
 
 fn decoded<'a>(frame_idx: usize, text: &str) -> Result<Cow<'a, [u8]>, RequestError> {
-    let bytes = BASE64_STANDARD.decode(text);
+    let bytes = base64_text::decode(text);
     bytes.map(Cow::Owned).map_err(|reason| RequestError::Base64 { frame_idx, reason })
 }
 
@@ -281,6 +284,16 @@ fn asked(outputs: &[InferOutput], binary: bool) -> Result<Vec<AskedOutput>, Requ
 /// The parser's message can hold words of the body.
 fn unreadable(error: &serde_json::Error) -> RequestError {
     RequestError::Json(error.to_string().chars().take(MAX_MESSAGE).collect())
+}
+
+/// An object, or null.
+fn object<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Option<T>, D::Error> {
+    Ok(Option::<Object<T>>::deserialize(deserializer)?.map(|Object(value)| value))
+}
+
+/// A list of objects, or null, that nobody can make long.
+fn few_objects<'de, D: Deserializer<'de>, T: Deserialize<'de>>(deserializer: D) -> Result<Vec<T>, D::Error> {
+    Ok(few(deserializer)?.into_iter().map(|Object(value)| value).collect())
 }
 
 /// A list, or null, that nobody can make long.

@@ -221,6 +221,50 @@ fn what_is_not_whole_is_no_version() {
 }
 
 #[test]
+fn of_two_who_publish_the_same_version_one_does_and_the_other_writes_nothing() {
+    let Some(lab) = Lab::new("publishers") else { return };
+    let (bucket, other) = (lab.open(BRIEF), lab.open(BRIEF));
+    let id = VersionId::new("lab", 1);
+    // The first has begun.
+    let about = |content: &str| format!("{{\"blake3\":\"{}\"}}", blake3::hash(content.as_bytes()).to_hex());
+    overwrite(&bucket, "lab/1/model.json", &about("ours"));
+    overwrite(&bucket, "lab/1/golden/ours.jpg", "a frame of ours");
+    assert_eq!(versions(&bucket.scan().unwrap()), [0_u64; 0], "it is not whole");
+    let begun: Vec<String> = bucket.files(&id).unwrap().into_iter().map(|file| file.tag).collect();
+    let late = publish(&other, &id, "theirs").unwrap_err();
+    assert!(matches!(late, RepositoryError::HalfUploaded(_)), "{late}");
+    assert!(late.to_string().contains("models delete lab/1"), "{late}");
+    assert_eq!(bucket.files(&id).unwrap().into_iter().map(|file| file.tag).collect::<Vec<_>>(), begun);
+    // It broke off, and comes again.
+    publish(&bucket, &id, "ours").unwrap();
+    assert_eq!(content(&bucket, &id), "ours");
+    assert!(matches!(publish(&other, &id, "ours"), Err(RepositoryError::Exists(_))));
+    assert_eq!(bucket.files(&id).unwrap().len(), 3, "what was left is gone");
+
+    overwrite(&bucket, "lab/2/model.json", &about("ours"));
+    bucket.delete(&VersionId::new("lab", 2)).unwrap();
+    publish(&other, &VersionId::new("lab", 2), "theirs").unwrap();
+}
+
+#[test]
+fn the_default_model_is_kept_in_the_bucket_and_for_a_start_without_it() {
+    let Some(lab) = Lab::new("default") else { return };
+    let (bucket, other) = (lab.open(BRIEF), lab.open(BRIEF));
+    publish(&bucket, &VersionId::new("lab", 1), "a model").unwrap();
+    assert_eq!(bucket.default_model().unwrap(), None);
+    let first = DefaultModel::after(None, "lab");
+    bucket.write_default(&first).unwrap();
+    let late = other.write_default(&DefaultModel::after(None, "attic"));
+    assert!(matches!(late, Err(RepositoryError::DefaultOvertaken(model)) if model == "lab"));
+    other.write_default(&DefaultModel::after(Some(&first), "attic")).unwrap();
+    let scan = bucket.scan().unwrap();
+    assert_eq!(scan.default.as_ref().map(|default| default.model.as_str()), Some("attic"));
+    assert!(scan.foreign.is_empty(), "{:?}", scan.foreign);
+    lab.proxy.is_gone.store(true, Ordering::SeqCst);
+    assert_eq!(lab.open(BRIEFEST).scan().unwrap().default, scan.default);
+}
+
+#[test]
 fn damaged_bytes_do_not_enter_the_cache() {
     let Some(lab) = Lab::new("damaged") else { return };
     let bucket = lab.open(BRIEF);

@@ -79,7 +79,7 @@ fn read_models(app: &App, readings: &mut Readings) {
     let (mut shadowed, mut distances) = (Vec::new(), Vec::new());
     for (name, entry) in &app.registry.entries() {
         let serving = app.registry.serving(name);
-        for version in ModelInfo::new(name, entry, &serving).versions {
+        for version in ModelInfo::new(name, entry, &app.registry).versions {
             *n_by_state.entry(state_name(version.state)).or_default() += 1;
             labeled.extend(version.labels.iter().map(|label| (info(name, &version, label), 1.0)));
         }

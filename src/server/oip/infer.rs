@@ -2,7 +2,7 @@
 
 use super::problems::InferProblems;
 use super::{ModelPath, repository};
-use crate::protocol::oip::request::{AskedOutput, InferRequest, Inference};
+use crate::protocol::oip::request::{AskedOutput, InferParameters, InferRequest, Inference, RequestError};
 use crate::protocol::oip::response::InferResponse;
 use crate::protocol::oip::tensor::Values;
 use crate::protocol::oip::{JSON_LENGTH_HEADER, OutputName};
@@ -10,6 +10,7 @@ use crate::protocol::rest::{Answer, ModelName, RecognizeQuery};
 use crate::server::App;
 use crate::server::answers::answers;
 use crate::server::body::{self, Frame};
+use crate::server::caller::CallerId;
 use crate::server::metrics::Transport;
 use crate::server::openapi::{NameParam, VersionParams};
 use crate::server::problem::Problem;
@@ -49,6 +50,8 @@ pub async fn infer(State(app): State<App>, path: ModelPath, request: Request) ->
 }
 
 /// Tells which rooms frames show, by one version of a model
+///
+/// As without a version; a canary takes no share of these frames.
 #[utoipa::path(
     post, path = "/v2/models/{name}/versions/{version}/infer", tag = "inference", security(("key" = [])),
     params(VersionParams),
@@ -72,12 +75,11 @@ async fn answer(app: &App, path: ModelPath, request: Request) -> Result<Response
     repository::served(app, &path)?;
     let json_length = json_length(request.headers())?;
     let caller = Caller::of(request.extensions(), Transport::Oip)?;
+    let id = CallerId::of(request.extensions());
     let (_, body) = body::read(app, request, app.settings.max_batch_bytes).await?;
-    let Inference { id, parameters, outputs, frames } =
-        Inference::read(&body.bytes, json_length, app.settings.max_batch_frames)?;
-    let frames = frames.into_iter().map(|frame| part(&body, frame)).collect();
-    // Images that stood in it in base64 are copies.
-    drop(body);
+    let (n_bytes, max_frames) = (body.bytes.len(), app.settings.max_batch_frames);
+    let read = move || Wanted::read(&body, json_length, max_frames);
+    let Wanted { id, parameters, outputs, frames } = body::take_apart(app, &id, n_bytes, read).await??;
     let query = RecognizeQuery {
         model: Some(path.name),
         version: path.version,
@@ -93,6 +95,23 @@ async fn answer(app: &App, path: ModelPath, request: Request) -> Result<Response
         push(&mut response, output, &answers, served.model.places());
     }
     written(response)
+}
+
+/// What is wanted, the frames with their share of the memory.
+struct Wanted {
+    id: Option<String>,
+    parameters: InferParameters,
+    outputs: Vec<AskedOutput>,
+    frames: Vec<Frame>,
+}
+
+impl Wanted {
+    fn read(body: &Frame, json_length: Option<usize>, max_frames: usize) -> Result<Self, RequestError> {
+        let Inference { id, parameters, outputs, frames } =
+            Inference::read(&body.bytes, json_length, max_frames)?;
+        let frames = frames.into_iter().map(|frame| part(body, frame)).collect();
+        Ok(Self { id, parameters, outputs, frames })
+    }
 }
 
 /// The header of Triton's extension for binary tensors.

@@ -1,6 +1,6 @@
 //! What can go wrong, for the OpenAPI document.
 
-use crate::server::openapi::{frame_kinds, responses};
+use crate::server::openapi::{AUTH_KINDS, frame_kinds, responses};
 use crate::server::problem::{ErrorForm, Kind};
 use std::collections::BTreeMap;
 use utoipa::IntoResponses;
@@ -71,16 +71,16 @@ impl IntoResponses for ServerProblems {
 
 impl IntoResponses for DrainProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses(ErrorForm::Oip, [Kind::Draining, Kind::NoModel])
+        responses(ErrorForm::Oip, [Kind::BadRequest, Kind::Draining, Kind::NoModel])
     }
 }
 
 impl IntoResponses for AnyoneProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
-        responses(ErrorForm::Oip, [])
+        responses(ErrorForm::Oip, [Kind::BadRequest])
     }
 }
 
 fn keyed<const N: usize>(others: [Kind; N]) -> BTreeMap<String, RefOr<Response>> {
-    responses(ErrorForm::Oip, [Kind::Unauthorized, Kind::Forbidden].into_iter().chain(others))
+    responses(ErrorForm::Oip, AUTH_KINDS.into_iter().chain(others))
 }

@@ -2,11 +2,11 @@
 
 use super::ModelPath;
 use super::problems::{IndexProblems, LoadProblems};
-use crate::protocol::oip::{IndexEntry, IndexRequest, IndexState, LoadRequest};
+use crate::protocol::oip::{IndexEntry, IndexRequest, IndexState, LoadRequest, ModelMetadata};
 use crate::repository::Change;
 use crate::server::openapi::NameParam;
 use crate::server::problem::Problem;
-use crate::server::registry::{Choice, LookupError, ServedModel};
+use crate::server::registry::{Choice, Entry, LookupError, ServedModel};
 use crate::server::{App, body, models};
 use axum::Json;
 use axum::extract::{Request, State};
@@ -19,20 +19,32 @@ pub fn served(app: &App, path: &ModelPath) -> Result<Arc<ServedModel>, LookupErr
 }
 
 /// The versions of a model that can be asked for.
-pub fn ready_versions(app: &App, name: &str) -> Result<Vec<String>, LookupError> {
-    let entry = app.registry.entry(name)?;
-    let ready = entry.versions.iter().filter(|(_, version)| version.loaded().is_some());
-    Ok(ready.map(|(version, _)| version.to_string()).collect())
+pub fn ready_versions(app: &App, name: &str) -> Result<Vec<u64>, LookupError> {
+    Ok(loaded(&app.registry.entry(name)?).collect())
+}
+
+/// The versions that are in memory.
+pub fn loaded(entry: &Entry) -> impl Iterator<Item = u64> {
+    entry.versions.iter().filter(|(_, version)| version.loaded().is_some()).map(|(&number, _)| number)
+}
+
+/// What the model at a path takes and gives.
+pub fn metadata(app: &App, path: &ModelPath) -> Result<ModelMetadata, LookupError> {
+    let served = served(app, path)?;
+    let versions = ready_versions(app, &path.name)?.iter().map(u64::to_string).collect();
+    Ok(ModelMetadata::new(&path.name, versions, served.model.places().len()))
 }
 
 /// Lists the models and their versions
+///
+/// Triton's extension `model_repository`; without a body all versions are listed, ready or not.
 #[utoipa::path(
     post, path = "/v2/repository/index", tag = "inference", security(("key" = [])),
     request_body = Option<IndexRequest>,
     responses((status = OK, description = "All versions of all models", body = Vec<IndexEntry>), IndexProblems)
 )]
 pub async fn index(State(app): State<App>, request: Request) -> Result<Json<Vec<IndexEntry>>, Problem> {
-    let IndexRequest { ready } = body::read_json(&app, request).await?;
+    let IndexRequest { ready } = body::read_json(&app, request).await?.unwrap_or_default();
     let models = app.registry.entries();
     let entries = models.iter().flat_map(|(name, entry)| {
         entry.versions.iter().map(|(number, version)| {
@@ -58,7 +70,7 @@ pub async fn index(State(app): State<App>, request: Request) -> Result<Json<Vec<
     responses((status = OK, description = "It serves"), LoadProblems)
 )]
 pub async fn load(State(app): State<App>, path: ModelPath, request: Request) -> Result<StatusCode, Problem> {
-    let LoadRequest { parameters } = body::read_json(&app, request).await?;
+    let LoadRequest { parameters } = body::read_json(&app, request).await?.unwrap_or_default();
     if !parameters.is_empty() {
         return Err(Problem::Query("a model is loaded as it is; leave `parameters` out".into()));
     }
@@ -69,6 +81,8 @@ pub async fn load(State(app): State<App>, path: ModelPath, request: Request) -> 
 }
 
 /// Lets a model serve no longer
+///
+/// None of its versions answers until one is loaded or activated. A body is not looked at.
 #[utoipa::path(
     post, path = "/v2/repository/models/{name}/unload", tag = "inference", security(("key" = [])),
     params(NameParam),

@@ -4,18 +4,29 @@ use super::aside::aside;
 use super::served::Table;
 use super::state::{Loaded, State};
 use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, lock};
-use crate::model::{LoadedModel, Stage, TriedModel, try_model};
+use crate::model::{LoadedModel, Stage, try_model};
 use crate::protocol::event::Event;
 use crate::protocol::rest::ModelName;
 use crate::repository::{Canary, Change, Record, RepositoryError, VersionId};
 use crate::server::metrics::{SwapKind, SwapOutcome};
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 use tempfile::TempDir;
 
 /// How often a change is tried where others change the repository meanwhile.
 const MAX_TRIES: usize = 3;
+
+/// A change that somebody wants.
+#[derive(Clone, Copy)]
+struct Wanted {
+    change: Change,
+    /// Its number among those of its model, by when they began.
+    ticket: u64,
+    /// The epoch at which its caller looked at what serves, where nothing must have been changed since.
+    expected_epoch: Option<u64>,
+}
 
 /// What became of a try to commit.
 enum Commit {
@@ -43,7 +54,9 @@ impl Registry {
     /// # Errors
     /// Nothing is changed then, and what served serves on.
     pub fn change(&self, name: &str, change: Change, expected_epoch: Option<u64>) -> Result<(), ChangeError> {
-        self.counted(change.into(), || self.apply(name, change, expected_epoch))
+        self.counted(change.into(), || self.apply(name, change, expected_epoch))?;
+        self.settle_default();
+        Ok(())
     }
 
     /// Counts and times a change.
@@ -71,7 +84,8 @@ impl Registry {
     ) -> Result<(), ChangeError> {
         let ticket = self.begin(name, expected_epoch)?;
         let mut loaded = None;
-        let mut result = self.try_to_apply(name, (change, ticket), &mut loaded);
+        let wanted = Wanted { change, ticket, expected_epoch };
+        let mut result = self.try_to_apply(name, wanted, &mut loaded);
         for _ in 1..MAX_TRIES {
             // A command, or a service beside this one, was faster.
             let Err(ChangeError::Repository(RepositoryError::Overtaken { epoch: current, .. })) = result
@@ -80,9 +94,7 @@ impl Registry {
             };
             result = match expected_epoch {
                 Some(expected) => Err(ChangeError::Stale { expected, current }),
-                None => {
-                    self.catch_up(name).and_then(|()| self.try_to_apply(name, (change, ticket), &mut loaded))
-                }
+                None => self.catch_up(name).and_then(|()| self.try_to_apply(name, wanted, &mut loaded)),
             };
         }
         if result.is_err() {
@@ -103,11 +115,11 @@ impl Registry {
     fn try_to_apply(
         &self,
         name: &str,
-        (change, ticket): (Change, u64),
+        wanted: Wanted,
         loaded: &mut Option<(u64, Loaded)>,
     ) -> Result<(), ChangeError> {
         loop {
-            match self.commit(name, (change, ticket), loaded.as_ref())? {
+            match self.commit(name, wanted, loaded.as_ref())? {
                 Commit::Done => return Ok(()),
                 Commit::Wants(version) => *loaded = Some((version, self.load(name, version)?)),
             }
@@ -119,7 +131,9 @@ impl Registry {
     /// # Errors
     /// A model that does not work, a version that is there already, a repository that cannot be written.
     pub fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), ChangeError> {
-        self.load_aside(staged.path(), |_| ())?;
+        let loading = lock(&self.loading);
+        self.try_folder(staged.path(), |_| ())?;
+        drop(loading);
         Ok(self.repository.publish(id, staged)?)
     }
 
@@ -133,6 +147,7 @@ impl Registry {
         self.begin(&id.name, expected_epoch)?;
         let _committing = lock(&self.committing);
         let entry = self.entry(&id.name)?;
+        entry.check_epoch(expected_epoch)?;
         entry.version(&id.name, id.version)?;
         let record = entry.record.without(id.version)?;
         if record != entry.record {
@@ -155,24 +170,22 @@ impl Registry {
         self.catch_up(name)?;
         let mut book = self.book();
         let entry = book.models.get_mut(name).ok_or_else(|| LookupError::NoModel(name.to_owned()))?;
-        let current = entry.record.epoch;
-        if let Some(expected) = expected_epoch.filter(|&expected| expected != current) {
-            return Err(ChangeError::Stale { expected, current });
-        }
+        entry.check_epoch(expected_epoch)?;
         entry.n_begun += 1;
         Ok(entry.n_begun)
     }
 
-    /// Writes a change down and lets it take effect, if no younger one of the same role has and what it takes is
-    /// loaded.
+    /// Writes a change down and lets it take effect, if nothing was changed since its caller looked, no younger one
+    /// of the same role has taken effect, and what it takes is loaded.
     fn commit(
         &self,
         name: &str,
-        (change, ticket): (Change, u64),
+        Wanted { change, ticket, expected_epoch }: Wanted,
         loaded: Option<&(u64, Loaded)>,
     ) -> Result<Commit, ChangeError> {
         let _committing = lock(&self.committing);
         let entry = self.entry(name)?;
+        entry.check_epoch(expected_epoch)?;
         let is_younger = |role| entry.committed.get(role).is_some_and(|&committed| committed > ticket);
         if change.roles().iter().any(is_younger) {
             return Err(ChangeError::Superseded);
@@ -199,34 +212,47 @@ impl Registry {
     /// The model of a version: the one in memory, or else from its files, which are tried.
     pub(super) fn load(&self, name: &str, version: u64) -> Result<Loaded, ChangeError> {
         let id = VersionId { name: name.to_owned(), version };
-        if let Some(loaded) = self.entry(name)?.version(name, version)?.loaded() {
-            return Ok(loaded.clone());
+        let in_memory = || -> Result<Option<Loaded>, ChangeError> {
+            Ok(self.entry(name)?.version(name, version)?.loaded().cloned())
+        };
+        if let Some(loaded) = in_memory()? {
+            return Ok(loaded);
+        }
+        let _one = lock(&self.loading);
+        // Another change may have loaded it while this one waited.
+        if let Some(loaded) = in_memory()? {
+            return Ok(loaded);
         }
         let try_at = |stage| self.enter(&id, State::Trying(stage));
         try_at(Stage::Verifying);
         let folder = self.repository.fetch(&id).map_err(Failure::from);
-        let result = folder.and_then(|folder| self.load_aside(&folder, try_at));
-        result.map_err(|failure| {
+        let tried = folder.and_then(|folder| self.try_folder(&folder, try_at)).inspect_err(|failure| {
             tracing::error!(version = %id, %failure, "does not serve");
             self.enter(&id, State::Failed(failure.clone()));
-            failure.into()
-        })
+        })?;
+        self.enter(&id, State::Ready(tried.clone()));
+        Ok(tried)
     }
 
-    /// Verifies, loads and tries one model at a time, on a thread that stands aside.
-    fn load_aside(&self, folder: &Path, on_stage: impl FnMut(Stage) + Send) -> Result<Loaded, Failure> {
-        let _one = lock(&self.loading);
-        let TriedModel { loaded, .. } = aside(|| try_model(folder, on_stage))?;
-        let LoadedModel { model, digest } = loaded;
+    /// Verifies, loads and tries a model; where frames may come, on a thread that stands aside for them. Whoever
+    /// calls this holds `loading`.
+    fn try_folder(&self, folder: &Path, on_stage: impl FnMut(Stage) + Send) -> Result<Loaded, Failure> {
+        let work = || try_model(folder, on_stage);
+        let tried = if self.is_open.load(Ordering::Relaxed) { aside(work) } else { work() };
+        let LoadedModel { model, digest } = tried?.loaded;
         Ok(Loaded { model: Arc::new(model), digest })
     }
 
     /// Gives up what was loaded for a change that did not take effect.
     fn leave(&self, name: &str, version: Option<u64>) {
+        let mut book = self.book();
+        // Under the same lock as the table is replaced, so that it does not come to serve in between.
         let is_serving =
             |version: u64| self.serving(name).answering().any(|served| served.version == version);
-        if let Some(version) = version.filter(|&version| !is_serving(version)) {
-            self.enter(&VersionId { name: name.to_owned(), version }, State::Unloaded);
+        if let Some(number) = version.filter(|&version| !is_serving(version))
+            && let Some(version) = book.models.get_mut(name).and_then(|entry| entry.versions.get_mut(&number))
+        {
+            version.enter(State::Unloaded);
         }
     }
 
@@ -259,7 +285,7 @@ impl Registry {
     fn swap(&self, name: &str, before: &Serving, serving: Serving) {
         let mut table = Table::clone(&self.table());
         let stable = serving.stable.clone();
-        table.insert(name.to_owned(), serving);
+        table.models.insert(name.to_owned(), serving);
         self.table.store(Arc::new(table));
         let version =
             |served: &Option<Arc<ServedModel>>| served.as_ref().map(|served| (served.version, served.epoch));
@@ -280,10 +306,12 @@ impl Registry {
         }
     }
 
+    /// Notes how far a version has come on its way into memory. Where it is there already it stays.
     pub(super) fn enter(&self, id: &VersionId, state: State) {
         let mut book = self.book();
         if let Some(version) =
             book.models.get_mut(&id.name).and_then(|entry| entry.versions.get_mut(&id.version))
+            && version.loaded().is_none()
         {
             version.enter(state);
         }
@@ -291,6 +319,15 @@ impl Registry {
 }
 
 impl Entry {
+    /// Whether nothing was changed since a caller looked.
+    fn check_epoch(&self, expected: Option<u64>) -> Result<(), ChangeError> {
+        let current = self.record.epoch;
+        match expected.filter(|&expected| expected != current) {
+            Some(expected) => Err(ChangeError::Stale { expected, current }),
+            None => Ok(()),
+        }
+    }
+
     /// What serves by the record. Where the stable version does not work, what served before serves on.
     fn serving(&self, name: &str, before: &Serving) -> Serving {
         let Record { stable, previous, canary, shadow, epoch, .. } = self.record.clone();
@@ -322,146 +359,4 @@ impl Entry {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::repository::{RecordError, Repository};
-    use crate::server::events::Events;
-    use crate::server::metrics::Metrics;
-    use crate::server::settings::{Policy, Settings};
-    use std::fs;
-
-    /// A registry of three versions of the model that lies with the project, and its folder.
-    fn registry() -> (TempDir, Registry) {
-        let folder = TempDir::new().unwrap();
-        for version in 1..=3 {
-            let into = folder.path().join(format!("lab/{version}"));
-            fs::create_dir_all(&into).unwrap();
-            for file in ["model.safetensors", "model.json"] {
-                let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/simulated-lab/1").join(file);
-                fs::copy(from, into.join(file)).unwrap();
-            }
-        }
-        let settings = Settings { policy: Policy::Manual, ..Settings::default() };
-        let repository = Repository::open(&folder.path().to_string_lossy(), Path::new("unused")).unwrap();
-        let registry =
-            Registry::open(repository, &settings, (Events::default(), Arc::new(Metrics::new().unwrap())))
-                .unwrap();
-        (folder, registry)
-    }
-
-    fn stable(registry: &Registry) -> Option<u64> {
-        registry.serving("lab").stable.map(|served| served.version)
-    }
-
-    #[test]
-    fn a_load_that_ends_after_a_younger_change_has_lost() {
-        let (_folder, registry) = registry();
-        let older = registry.begin("lab", None).unwrap();
-        let loaded = (2, registry.load("lab", 2).unwrap());
-        registry.change("lab", Change::Activate(3), None).unwrap();
-        let late = registry.commit("lab", (Change::Activate(2), older), Some(&loaded));
-        assert!(matches!(late, Err(ChangeError::Superseded)));
-        assert_eq!(stable(&registry), Some(3));
-    }
-
-    #[test]
-    fn a_label_that_is_set_while_a_version_is_loading_does_not_keep_it_from_serving() {
-        let (_folder, registry) = registry();
-        registry.change("lab", Change::Activate(1), None).unwrap();
-        let older = registry.begin("lab", None).unwrap();
-        let loaded = (2, registry.load("lab", 2).unwrap());
-        registry.change("lab", Change::Shadow(Some(3)), None).unwrap();
-        registry.commit("lab", (Change::Activate(2), older), Some(&loaded)).unwrap();
-        assert_eq!(stable(&registry), Some(2));
-        // Unloading ends all roles.
-        let older = registry.begin("lab", None).unwrap();
-        registry.change("lab", Change::Unload, None).unwrap();
-        let late = registry.commit("lab", (Change::Shadow(Some(2)), older), Some(&loaded));
-        assert!(matches!(late, Err(ChangeError::Superseded)));
-    }
-
-    #[test]
-    fn a_rollback_that_waited_leads_back_from_what_serves_then() {
-        let (_folder, registry) = registry();
-        registry.change("lab", Change::Activate(1), None).unwrap();
-        registry.change("lab", Change::Activate(2), None).unwrap();
-        // Decided when 1 was previous; when its turn comes, 2 is.
-        let loaded = (1, registry.load("lab", 1).unwrap());
-        registry.change("lab", Change::Activate(3), None).unwrap();
-        let ticket = registry.begin("lab", None).unwrap();
-        let wants = registry.commit("lab", (Change::Rollback, ticket), Some(&loaded)).unwrap();
-        assert!(matches!(wants, Commit::Wants(2)));
-        assert_eq!(stable(&registry), Some(3), "nothing is done yet");
-    }
-
-    #[test]
-    fn a_change_builds_on_what_somebody_else_decided_just_now() {
-        let (_folder, registry) = registry();
-        registry.change("lab", Change::Activate(1), None).unwrap();
-        let epoch = registry.entry("lab").unwrap().record.epoch;
-        let of_others = registry.entry("lab").unwrap().record.with_shadow(3).unwrap();
-        registry.repository.write_record("lab", &of_others).unwrap();
-        let stale = registry.change("lab", Change::Activate(2), Some(epoch));
-        assert!(matches!(stale, Err(ChangeError::Stale { .. })));
-        registry.change("lab", Change::Activate(2), None).unwrap();
-        let record = registry.repository.record("lab").unwrap();
-        assert_eq!((record.stable, record.shadow, record.epoch), (Some(2), Some(3), epoch + 2));
-        assert_eq!(stable(&registry), Some(2));
-
-        // Nothing would change by what is known here.
-        registry.repository.write_record("lab", &record.activated(1)).unwrap();
-        registry.change("lab", Change::Activate(2), None).unwrap();
-        assert_eq!(registry.repository.record("lab").unwrap().stable, Some(2));
-
-        let record = registry.repository.record("lab").unwrap();
-        registry.repository.write_record("lab", &record.activated(1)).unwrap();
-        let deleted = registry.delete(&VersionId::new("lab", 1), None);
-        assert!(matches!(deleted, Err(ChangeError::Record(RecordError::Labeled { label: "stable", .. }))));
-
-        let ticket = registry.begin("lab", None).unwrap();
-        let record = registry.repository.record("lab").unwrap();
-        registry.repository.write_record("lab", &record.activated(2)).unwrap();
-        let late = registry.commit("lab", (Change::Shadow(None), ticket), None);
-        assert!(matches!(late, Err(ChangeError::Repository(RepositoryError::Overtaken { .. }))));
-    }
-
-    #[test]
-    fn a_version_that_was_deleted_while_it_was_loading_does_not_serve() {
-        let (_folder, registry) = registry();
-        registry.change("lab", Change::Activate(1), None).unwrap();
-        let loaded = (2, registry.load("lab", 2).unwrap());
-        registry.delete(&VersionId::new("lab", 2), None).unwrap();
-        let ticket = registry.begin("lab", None).unwrap();
-        let gone = registry.commit("lab", (Change::Activate(2), ticket), Some(&loaded));
-        assert!(matches!(gone, Err(ChangeError::Lookup(LookupError::NoVersion(..)))));
-        assert_eq!(stable(&registry), Some(1));
-    }
-
-    #[test]
-    fn a_version_whose_files_could_not_be_reached_is_tried_again() {
-        let (_folder, registry) = registry();
-        registry.change("lab", Change::Activate(1), None).unwrap();
-        let failure =
-            |may_pass| State::Failed(Failure { may_pass, ..Failure::new(Stage::Verifying, String::new()) });
-        let record = registry.entry("lab").unwrap().record.activated(2);
-        registry.repository.write_record("lab", &record).unwrap();
-        let id = VersionId::new("lab", 2);
-        registry.enter(&id, failure(false));
-        registry.poll().unwrap();
-        assert_eq!(stable(&registry), Some(1));
-        registry.enter(&id, failure(true));
-        registry.poll().unwrap();
-        assert_eq!(stable(&registry), Some(2));
-    }
-
-    #[test]
-    fn after_unload_nothing_serves_until_somebody_decides() {
-        let (_folder, registry) = registry();
-        registry.change("lab", Change::Activate(1), None).unwrap();
-        registry.change("lab", Change::Unload, None).unwrap();
-        assert_eq!(stable(&registry), None);
-        assert!(registry.choose(Some("lab"), &super::super::Choice::Serving, None).is_err());
-        registry.change("lab", Change::Rollback, None).unwrap();
-        assert_eq!(stable(&registry), Some(1));
-    }
-}
+mod tests;

@@ -51,6 +51,9 @@ pub enum LookupError {
     /// No version of it serves.
     #[error("no version of the model {0:?} serves; an admin may activate one")]
     NothingServes(String),
+    /// The model of requests that name none is not there.
+    #[error("the default model {0:?} is not there; name a model, or let an admin make another the default")]
+    NoDefault(String),
     /// Nothing serves at all.
     #[error("no model serves yet; an admin may upload or activate one")]
     Empty,
@@ -78,12 +81,30 @@ pub enum ChangeError {
     /// A younger change has taken effect while this one was loading.
     #[error("a later change took effect while the version was loading; what it chose serves")]
     Superseded,
+    /// A model that nothing of serves cannot answer requests that name none.
+    #[error("no version of the model {0:?} serves: activate one first, then make it the default")]
+    NotServing(String),
+    /// The default model is given by a setting.
+    #[error(
+        "the setting `model` says that {0:?} is the default: change it there, or leave it out and start again"
+    )]
+    DefaultIsSet(String),
     /// The change makes no sense.
     #[error(transparent)]
     Record(#[from] RecordError),
     /// It could not be written down, so that nothing was changed.
     #[error(transparent)]
     Repository(#[from] RepositoryError),
+}
+
+impl ChangeError {
+    /// What the disk has said, where it was the disk and callers may know.
+    pub fn disk_error(&self) -> Option<&'static str> {
+        match self {
+            Self::Repository(error) => error.disk_error(),
+            _ => None,
+        }
+    }
 }
 
 /// Why a version does not serve.

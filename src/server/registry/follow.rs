@@ -10,6 +10,7 @@ use crate::server::metrics::{Metrics, SwapKind};
 use crate::server::settings::{Policy, Settings};
 use arc_swap::ArcSwap;
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
 impl Registry {
@@ -26,12 +27,16 @@ impl Registry {
         let registry = Self {
             repository,
             policy: settings.policy,
-            default_name: settings.model.clone(),
-            table: ArcSwap::from_pointee(Table::new()),
+            default_setting: settings.model.clone(),
+            table: ArcSwap::from_pointee(Table {
+                default: Some(settings.model.clone()).filter(|name| !name.is_empty()),
+                ..Table::default()
+            }),
             book: Mutex::new(Book::default()),
             committing: Mutex::default(),
             looking: Mutex::default(),
             loading: Mutex::default(),
+            is_open: AtomicBool::new(false),
             events,
             metrics,
         };
@@ -41,6 +46,9 @@ impl Registry {
         if settings.policy == Policy::Latest {
             registry.check(&settings.models.to_string_lossy())?;
         }
+        registry.settle_default();
+        registry.tell_default();
+        registry.is_open.store(true, Ordering::Relaxed);
         Ok(registry)
     }
 
@@ -52,6 +60,7 @@ impl Registry {
         for name in self.look(None)? {
             self.follow(&name);
         }
+        self.settle_default();
         Ok(())
     }
 
@@ -59,15 +68,19 @@ impl Registry {
     pub fn found(&self, id: &VersionId) -> Result<(), RepositoryError> {
         self.look(Some(id))?;
         self.follow(&id.name);
+        self.settle_default();
         Ok(())
     }
 
     /// Writes what there is into the book, one version of which is known to be whole; returns the models.
     fn look(&self, whole: Option<&VersionId>) -> Result<Vec<String>, RepositoryError> {
         let _looking = lock(&self.looking);
-        let Scan { models, foreign } = self.repository.scan()?;
+        let Scan { models, foreign, default } = self.repository.scan()?;
         let mut guard = self.book();
-        let Book { models: entries, reported } = &mut *guard;
+        if let Some(default) = &default {
+            self.note_default(&mut guard, default);
+        }
+        let Book { models: entries, reported, .. } = &mut *guard;
         let is_start = entries.is_empty();
         for path in foreign {
             if !reported.contains(&path) {
@@ -172,16 +185,12 @@ impl Registry {
     /// Refuses to start where nothing can serve, or not the model that requests without a name ask for.
     fn check(&self, location: &str) -> Result<(), RegistryError> {
         let table = self.table();
-        let serving: Vec<String> = table
-            .iter()
-            .filter(|(_, serving)| serving.stable.is_some())
-            .map(|(name, _)| name.clone())
-            .collect();
+        let serving: Vec<String> = table.stable().map(str::to_owned).collect();
         let entries = self.entries();
         if serving.is_empty() && !entries.values().any(Entry::is_unloaded) {
             return Err(nothing_serves(location, &entries));
         }
-        let wanted = &self.default_name;
+        let wanted = &self.default_setting;
         if wanted.is_empty()
             || serving.contains(wanted)
             || entries.get(wanted).is_some_and(Entry::is_unloaded)

@@ -54,8 +54,22 @@ pub enum Choice {
     Label(String),
 }
 
-/// What serves, by name. Never changed: another one takes its place.
-pub type Table = BTreeMap<String, Serving>;
+/// What serves. Never changed: another one takes its place.
+#[derive(Clone, Default)]
+pub struct Table {
+    /// The model of requests that name none; none before one was named or served. It need not serve now.
+    pub default: Option<String>,
+    /// By name.
+    pub models: BTreeMap<String, Serving>,
+}
+
+impl Table {
+    /// The models of which a stable version serves, in the order of their names.
+    pub fn stable(&self) -> impl Iterator<Item = &str> {
+        let stable = self.models.iter().filter(|(_, serving)| serving.stable.is_some());
+        stable.map(|(name, _)| name.as_str())
+    }
+}
 
 impl Serving {
     /// The version that answers a caller who calls itself so. Robots without a name get the stable one.
@@ -75,8 +89,13 @@ impl Serving {
             },
             Choice::Label(label) if label == STABLE => self.stable.as_ref().ok_or_else(nothing),
             Choice::Label(label) => {
-                let canary = self.canary.as_ref().filter(|_| label == CANARY).map(|(served, _)| served);
-                canary.ok_or_else(|| LookupError::NoLabel(name.to_owned(), label.clone()))
+                let labeled = match label.as_str() {
+                    CANARY => self.canary.as_ref().map(|(served, _)| served),
+                    SHADOW => self.shadow.as_ref().map(|shadow| &shadow.served),
+                    PREVIOUS => self.previous.as_ref(),
+                    _ => None,
+                };
+                labeled.ok_or_else(|| LookupError::NoLabel(name.to_owned(), label.clone()))
             }
             Choice::Version(version) => self
                 .answering()

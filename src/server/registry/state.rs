@@ -70,7 +70,8 @@ impl Version {
         if self.failure().is_some() {
             self.enter(State::Discovered);
         } else if self.loaded().is_some() {
-            tracing::error!(version = id, "the files of a version changed; the model in memory serves on");
+            let what = "the files of a version changed, or their times did; the model in memory serves on";
+            tracing::warn!(version = id, "{what}");
         }
     }
 

@@ -5,6 +5,7 @@
 //! others. Streams so take turns, frame by frame, and a frame can be superseded until the moment a thread
 //! takes it.
 
+use super::intake::Share;
 use crate::server::body::Frame;
 use crate::server::trace::FrameSpans;
 use std::collections::VecDeque;
@@ -21,8 +22,18 @@ pub struct Waiting {
     pub deadline: Option<Instant>,
     /// Its bytes.
     pub frame: Frame,
+    /// Its share of what frames in the mode `lossless` may have.
+    pub share: Option<Share>,
     /// Its trace.
     pub spans: FrameSpans,
+}
+
+/// What a thread takes when the stream's turn has come.
+pub struct Taken<T> {
+    /// The numbers of the frames before it whose deadline had passed, in order.
+    pub expired: Vec<u64>,
+    /// The first frame that is still in time, and what was chosen for it.
+    pub frame: Option<(Waiting, T)>,
 }
 
 /// The frames of one stream that wait, shared between its task and the threads.
@@ -62,12 +73,18 @@ impl Lane {
         self.state().wants_place()
     }
 
-    /// Takes the first frame, when the stream's turn has come, and what `choose` chooses for it: what is
-    /// chosen for a frame was never chosen before what is chosen for an earlier one.
-    pub fn take<T>(&self, choose: impl FnOnce() -> T) -> Option<(Waiting, T)> {
+    /// Takes the first frame that is still in time `now`, when the stream's turn has come, and what `choose`
+    /// chooses for it: what is chosen for a frame was never chosen before what is chosen for an earlier one.
+    /// A turn takes once, so that a stream that queues again meanwhile has one place nevertheless.
+    pub fn take<T>(&self, now: Instant, choose: impl FnOnce() -> T) -> Taken<T> {
         let mut state = self.state();
         state.has_place = false;
-        state.waiting.pop_front().map(|frame| (frame, choose()))
+        let is_late = |frame: &Waiting| frame.deadline.is_some_and(|deadline| deadline <= now);
+        let mut expired = Vec::new();
+        while state.waiting.front().is_some_and(is_late) {
+            expired.extend(state.waiting.pop_front().map(|frame| frame.seq));
+        }
+        Taken { expired, frame: state.waiting.pop_front().map(|frame| (frame, choose())) }
     }
 
     /// Gives up all that wait; returns their numbers, in order.
@@ -93,12 +110,32 @@ mod tests {
     use tokio::sync::Semaphore;
 
     fn frame(seq: u64) -> Waiting {
-        let frame = Frame::hold(vec![0].into(), &Arc::new(Semaphore::new(1))).unwrap();
-        Waiting { seq, arrived: Instant::now(), deadline: None, frame, spans: FrameSpans::begin(seq) }
+        let held = Arc::new(Semaphore::new(1)).try_acquire_owned().unwrap();
+        let frame = Frame::new(vec![0].into(), held);
+        let (arrived, spans) = (Instant::now(), FrameSpans::begin(seq));
+        Waiting { seq, arrived, deadline: None, frame, share: None, spans }
     }
 
     fn taken(lane: &Lane) -> Option<u64> {
-        lane.take(|| ()).map(|(frame, ())| frame.seq)
+        lane.take(Instant::now(), || ()).frame.map(|(frame, ())| frame.seq)
+    }
+
+    #[test]
+    fn a_turn_takes_once_also_where_deadlines_have_passed() {
+        let (lane, now) = (Lane::default(), Instant::now());
+        let late = |seq| Waiting { deadline: Some(now), ..frame(seq) };
+        (0..2).for_each(|seq| lane.push(late(seq)));
+        (2..4).for_each(|seq| lane.push(frame(seq)));
+        assert!(lane.claim_place());
+        let Taken { expired, frame } = lane.take(now, || ());
+        assert_eq!((expired, frame.map(|(frame, ())| frame.seq)), (vec![0, 1], Some(2)));
+        assert!(lane.claim_place());
+        assert!(!lane.wants_place(), "one turn is outstanding");
+        lane.clear();
+        lane.push(late(4));
+        let taken = lane.take(now, || ());
+        assert!((taken.expired, taken.frame.is_none()) == (vec![4], true), "all were late");
+        assert!(!lane.claim_place(), "nothing waits");
     }
 
     #[test]

@@ -4,42 +4,47 @@
 //! The task outlives a connection that breaks, so that the robot can come back to its filter and to the
 //! answers that it missed.
 
+use super::inbox::{Incoming, MAX_TEXT_BYTES, Received};
 use super::lane::{Lane, Waiting};
 use super::ledger::{Accepted, Ledger, Outcome};
 use super::settings;
-use super::socket::{Close, Incoming, Socket};
+use super::socket::{Close, Socket};
 use super::teller::Teller;
 use super::turn::{News, Turn};
 use super::{Arrival, Streams};
 use crate::protocol::event::Event;
-use crate::protocol::header::Header;
+use crate::protocol::header::{Header, MAX_SEQ};
 use crate::protocol::stream::{
-    ClientMessage, DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits, StreamSettings,
+    ClientMessage, Configure, DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits,
+    StreamSettings,
 };
 use crate::server::App;
-use crate::server::body::{BodyError, Frame};
+use crate::server::body::BodyError;
+use crate::server::caller::CallerId;
 use crate::server::metrics::{FrameOutcome, Transport};
 use crate::server::problem::Problem;
 use crate::server::registry::Choice;
 use crate::server::robots::Record;
 use crate::server::trace::FrameSpans;
-use axum::body::Bytes;
+use std::io;
+use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::time::{MissedTickBehavior, interval_at, sleep_until, timeout};
 use tokio_tungstenite::tungstenite::Utf8Bytes;
+use tokio_util::sync::CancellationToken;
 
 /// The most frames without a told answer where frames supersede each other: one is in work or waits, and
 /// those it superseded are told after it.
-const MAX_UNTOLD: usize = 256;
-/// The longest text message, in bytes.
-const MAX_TEXT_BYTES: usize = 16 << 10;
+pub const MAX_UNTOLD: usize = 256;
 
 /// One stream.
 pub struct Session {
     app: App,
-    id: String,
+    identity: Identity,
+    /// Cancelled when the stream must give its place to another.
+    given_up: CancellationToken,
     settings: StreamSettings,
     /// The number of the next frame that brings none.
     next_seq: u64,
@@ -52,6 +57,16 @@ pub struct Session {
     news: UnboundedReceiver<News>,
     /// For the threads.
     newsroom: UnboundedSender<News>,
+}
+
+/// What a stream is called, and who opened it.
+pub struct Identity {
+    /// Known to its robot alone: who knows it may resume the stream.
+    pub session: String,
+    /// Known to all.
+    pub stream: String,
+    /// Who opened it, without the name of a robot.
+    pub caller: CallerId,
 }
 
 /// How a conversation ended.
@@ -70,6 +85,8 @@ enum Over {
     Finish,
     /// The service closes it.
     Close(Close),
+    /// The service closes the connection; the robot may come back.
+    Pause(Close),
     /// The connection broke.
     Lost,
 }
@@ -80,6 +97,10 @@ impl Over {
         match self {
             Self::Finish => streams.spawn(socket.finish()),
             Self::Close(why) => streams.spawn(socket.close(why)),
+            Self::Pause(why) => {
+                streams.spawn(socket.close(why));
+                return End::Lost;
+            }
             Self::Lost => return End::Lost,
         }
         End::Closed
@@ -87,18 +108,24 @@ impl Over {
 }
 
 impl Session {
-    /// A stream of a robot whose key has this name.
+    /// A stream that is known as `record` to dashboards.
     ///
     /// # Errors
     /// No model serves.
-    pub fn new(app: App, id: String, settings: StreamSettings, record: Arc<Record>) -> Result<Self, Problem> {
-        let served =
-            app.registry.choose(Some(&settings.model), &Choice::Serving, Some(robot(&settings, &id)))?;
+    pub fn new(
+        app: App,
+        identity: Identity,
+        settings: StreamSettings,
+        record: Arc<Record>,
+    ) -> Result<Self, Problem> {
+        let robot = settings.robot.as_deref();
+        let served = app.registry.choose(Some(&settings.model), &Choice::Serving, robot)?;
         let (newsroom, news) = mpsc::unbounded_channel();
         record.configured(settings.robot.as_deref(), settings.mode);
         Ok(Self {
-            teller: Teller::new(id.clone(), &served),
-            id,
+            teller: Teller::new(identity.stream.clone(), &served, &app.settings),
+            identity,
+            given_up: CancellationToken::new(),
             settings,
             next_seq: 0,
             next_look: Instant::now(),
@@ -109,6 +136,11 @@ impl Session {
             newsroom,
             app,
         })
+    }
+
+    /// What ends the stream in favor of another, while it has no connection.
+    pub fn given_up(&self) -> &CancellationToken {
+        &self.given_up
     }
 
     /// Talks until the stream has ended for good. Robots that come back do so through `arrivals`.
@@ -129,6 +161,10 @@ impl Session {
         }
         // Nobody is left to hear of them.
         self.lane.clear();
+        arrivals.close();
+        while let Ok(late) = arrivals.try_recv() {
+            self.app.streams.spawn(late.socket.close(Close::GivenUp));
+        }
     }
 
     /// Talks over one connection.
@@ -146,23 +182,24 @@ impl Session {
                 return End::Lost;
             }
         }
+        let record = self.record.clone();
+        let mut revoked = pin!(app.keyring.revoked(record.key(), || record.name().robot));
         let every = app.settings.stream_ping();
         let mut pings = interval_at(tokio::time::Instant::now() + every, every);
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let mut heard = Instant::now();
         loop {
             let look_at = self.look_at();
             let said = tokio::select! {
                 biased;
                 () = app.stopping.cancelled() => return self.drain(socket).await,
+                () = revoked.as_mut() => return Over::Close(Close::Revoked).end(socket, &app.streams),
                 Some(news) = self.news.recv() => self.hear(news),
                 Some(arrival) = arrivals.recv() => {
                     app.streams.spawn(socket.close(Close::Replaced));
                     return End::Replaced(Box::new(arrival));
                 }
-                incoming = socket.receive(), if self.may_read() => {
-                    heard = Instant::now();
-                    match self.take_in(incoming) {
+                incoming = socket.receive(self.settings.mode == Mode::Lossless), if self.may_read() => {
+                    match self.take_in(incoming, &mut socket) {
                         Ok(said) => said,
                         Err(over) => return over.end(socket, &app.streams),
                     }
@@ -173,7 +210,7 @@ impl Session {
                 }
                 _ = pings.tick() => {
                     // A stream that we do not read from is not idle: it waits for us.
-                    if self.may_read() && heard.elapsed() > app.settings.stream_idle_timeout() {
+                    if self.may_read() && socket.heard().elapsed() > app.settings.stream_idle_timeout() {
                         return Over::Close(Close::Idle).end(socket, &app.streams);
                     }
                     if socket.ping().await.is_err() {
@@ -182,24 +219,30 @@ impl Session {
                     Vec::new()
                 }
             };
-            for message in said {
-                if let Err(error) = socket.send(message).await {
-                    tracing::debug!(%error, "a stream lost its connection");
-                    return End::Lost;
-                }
+            if let Err(error) = say(&mut socket, said).await {
+                tracing::debug!(%error, "a stream lost its connection");
+                return End::Lost;
             }
         }
     }
 
     /// What is said to what came, or that the conversation is over.
-    fn take_in(&mut self, incoming: Incoming) -> Result<Vec<Utf8Bytes>, Over> {
+    fn take_in(&mut self, incoming: Incoming, socket: &mut Socket) -> Result<Vec<Utf8Bytes>, Over> {
         match incoming {
-            Incoming::Binary(message) => Ok(self.accept(message)),
-            Incoming::Text(message) => Ok(vec![text(&self.configure(&message))]),
-            Incoming::Alive => Ok(Vec::new()),
-            Incoming::Closed => Err(Over::Finish),
-            Incoming::TooLong => Err(Over::Close(Close::TooLong)),
-            Incoming::Malformed => Err(Over::Close(Close::Malformed)),
+            Incoming::Frame(received) => Ok(self.accept(*received)),
+            Incoming::Text(message) => Ok(vec![text(&self.configure(message.as_deref()))]),
+            Incoming::Ping(payload) => {
+                socket.note_ping(payload.freeze());
+                Ok(Vec::new())
+            }
+            Incoming::Pong => Ok(Vec::new()),
+            Incoming::Closed(farewell) => {
+                socket.note_farewell(farewell);
+                Err(Over::Finish)
+            }
+            Incoming::Broken(broken) => Err(Over::Close(Close::Broken(broken))),
+            Incoming::Slow => Err(Over::Pause(Close::Slow)),
+            Incoming::Stalled => Err(Over::Pause(Close::Stalled)),
             Incoming::Lost(error) => {
                 tracing::debug!(%error, "a stream lost its connection");
                 Err(Over::Lost)
@@ -215,10 +258,8 @@ impl Session {
         let mut said = vec![text(&ServerMessage::Draining)];
         said.extend(self.tell());
         loop {
-            for message in said {
-                if socket.send(message).await.is_err() {
-                    return End::Closed;
-                }
+            if say(&mut socket, said).await.is_err() {
+                return End::Closed;
             }
             if self.ledger.len() == 0 {
                 break;
@@ -232,11 +273,13 @@ impl Session {
 
     /// Goes on with the frames that were accepted, until the robot comes back or its time is up.
     async fn wait_for_return(&mut self, arrivals: &mut mpsc::Receiver<Arrival>) -> Option<Arrival> {
-        let app = self.app.clone();
+        let (app, record) = (self.app.clone(), self.record.clone());
         let returned = async {
             loop {
                 tokio::select! {
                     () = app.stopping.cancelled() => return None,
+                    () = self.given_up.cancelled() => return None,
+                    () = app.keyring.revoked(record.key(), || record.name().robot) => return None,
                     Some(news) = self.news.recv() => { self.hear(news); }
                     arrival = arrivals.recv() => return arrival,
                 }
@@ -254,34 +297,44 @@ impl Session {
     }
 
     /// Takes a frame in.
-    fn accept(&mut self, message: Bytes) -> Vec<Utf8Bytes> {
-        let refused = |detail: String| BodyError::Malformed(detail).into();
-        let (seq, captured_at_ns, image) = match Header::split(&message) {
-            Ok(None) => (self.next_seq, None, message),
-            Ok(Some(header)) => (header.seq, header.captured_at_ns, message.slice(Header::BYTES..)),
-            Err(error) => return vec![self.error(None, &refused(error.to_string()))],
+    fn accept(&mut self, Received { head, n_bytes, message, share }: Received) -> Vec<Utf8Bytes> {
+        let header = Header::split(&head).map_err(|error| error.to_string());
+        let header = match header.and_then(|header| self.in_order(header)) {
+            Ok(header) => header,
+            Err(detail) => return vec![self.error(None, &BodyError::Malformed(detail).into())],
         };
-        if seq < self.next_seq || seq == u64::MAX {
-            let expected = self.next_seq;
-            let detail = format!("frame {seq} is out of order: the next number is {expected} or higher");
-            return vec![self.error(None, &refused(detail))];
-        }
+        let n_header_bytes = if header.is_some() { Header::BYTES } else { 0 };
+        let (seq, captured_at_ns) =
+            header.map_or((self.next_seq, None), |header| (header.seq, header.captured_at_ns));
         self.next_seq = seq + 1;
         let arrived = Instant::now();
         self.record.accepted();
-        let n_bytes = image.len();
+        let n_bytes = n_bytes - n_header_bytes;
         self.ledger.accept(Accepted { seq, arrived, captured_at_ns, n_bytes });
-        match Frame::hold(image, &self.app.body_memory) {
-            Err(_) => self.ledger.settle(seq, Outcome::Dropped(DropReason::Overload)),
-            Ok(frame) if frame.bytes.is_empty() => {
-                self.ledger.settle(seq, Outcome::Failed(BodyError::Empty.into()));
-            }
-            Ok(frame) => {
+        match message {
+            None => self.ledger.settle(seq, Outcome::Dropped(DropReason::Overload)),
+            Some(_) if n_bytes == 0 => self.ledger.settle(seq, Outcome::Failed(BodyError::Empty.into())),
+            Some(message) => {
+                let frame = message.part(message.bytes.slice(n_header_bytes..));
                 let (deadline, spans) = (self.deadline(arrived), FrameSpans::begin(seq));
-                self.wait(Waiting { seq, arrived, deadline, frame, spans });
+                self.wait(Waiting { seq, arrived, deadline, frame, share, spans });
             }
         }
         self.tell()
+    }
+
+    /// The header, if its number is one that may come now; else what to do instead.
+    fn in_order(&self, header: Option<Header>) -> Result<Option<Header>, String> {
+        let next = self.next_seq;
+        match header {
+            Some(Header { seq, .. }) if next > MAX_SEQ => {
+                Err(format!("no number is left for frame {seq}: send frames without a header from now on"))
+            }
+            Some(Header { seq, .. }) if !(next..=MAX_SEQ).contains(&seq) => {
+                Err(format!("frame {seq} is out of order: the next number is from {next} to {MAX_SEQ}"))
+            }
+            header => Ok(header),
+        }
     }
 
     fn deadline(&self, arrived: Instant) -> Option<Instant> {
@@ -320,11 +373,12 @@ impl Session {
             app: self.app.clone(),
             lane: self.lane.clone(),
             model: self.settings.model.clone(),
-            robot: robot(&self.settings, &self.id).to_owned(),
+            robot: self.settings.robot.clone(),
             newsroom: self.newsroom.clone(),
         };
         let span = tracing::Span::current();
-        self.app.pool.queue(move || span.in_scope(|| turn.run()));
+        let caller = self.identity.caller.clone().with_robot(self.settings.robot.as_deref());
+        self.app.pool.queue(&caller, move || span.in_scope(|| turn.run()));
     }
 
     /// What follows from what a thread tells.
@@ -367,7 +421,7 @@ impl Session {
                 }
             };
             for message in &messages {
-                self.teller.keep(seq, message.clone());
+                self.teller.keep(seq, message);
             }
             said.extend(messages);
         }
@@ -379,17 +433,15 @@ impl Session {
         self.app.metrics.frame(model, Transport::Stream, outcome);
     }
 
-    fn configure(&mut self, message: &str) -> ServerMessage {
-        let read = || {
-            if message.len() > MAX_TEXT_BYTES {
-                return Err(Problem::from(BodyError::TooLarge { limit: MAX_TEXT_BYTES }));
+    fn configure(&mut self, message: Option<&str>) -> ServerMessage {
+        let changed = || {
+            let change = read(message).map_err(Problem::Query)?;
+            if let Some(robot) = &change.robot {
+                self.app.keyring.check_robot(self.record.key(), robot)?;
             }
-            let message: ClientMessage = serde_json::from_str(message)
-                .map_err(|error| Problem::Query(format!("the text message cannot be read: {error}")))?;
-            let ClientMessage::Configure(change) = message;
             settings::changed(&self.settings, change, &self.app.registry)
         };
-        match read() {
+        match changed() {
             Ok(settings) => {
                 self.settings = settings;
                 self.record.configured(self.settings.robot.as_deref(), self.settings.mode);
@@ -398,19 +450,20 @@ impl Session {
                 self.queue();
                 ServerMessage::Configured { settings: self.settings.clone() }
             }
-            Err(problem) => ServerMessage::Error { seq: None, problem: problem.body(&self.id) },
+            Err(problem) => ServerMessage::Error { seq: None, problem: problem.body(&self.identity.stream) },
         }
     }
 
     fn error(&self, seq: Option<u64>, problem: &Problem) -> Utf8Bytes {
-        text(&ServerMessage::Error { seq, problem: problem.body(&self.id) })
+        text(&ServerMessage::Error { seq, problem: problem.body(&self.identity.stream) })
     }
 
     fn hello(&self, resumed: bool) -> ServerMessage {
         let settings = &self.app.settings;
         ServerMessage::Hello(Box::new(Hello {
             protocol: SUBPROTOCOL.to_owned(),
-            session: self.id.clone(),
+            session: self.identity.session.clone(),
+            stream: self.identity.stream.clone(),
             resumed,
             next_seq: self.next_seq,
             settings: self.settings.clone(),
@@ -419,6 +472,7 @@ impl Session {
                 max_frame_pixels: settings.max_frame_pixels,
                 window: settings.stream_window,
                 idle_timeout_ms: settings.stream_idle_timeout_ms,
+                message_timeout_ms: settings.stream_message_timeout_ms,
                 resume_ms: settings.stream_resume_ms,
             },
             modes: vec![Mode::Latest, Mode::Lossless, Mode::Sampled],
@@ -428,9 +482,28 @@ impl Session {
     }
 }
 
-/// Who streams, for the choice of a version: a stream without a name is a robot of its own.
-fn robot<'a>(settings: &'a StreamSettings, session: &'a str) -> &'a str {
-    settings.robot.as_deref().unwrap_or(session)
+/// What a text message configures; none where it is longer than is read. Else what is wrong with it.
+fn read(message: Option<&str>) -> Result<Configure, String> {
+    let message = message.ok_or_else(|| {
+        format!("the text message is longer than {MAX_TEXT_BYTES} bytes; frames are binary messages")
+    })?;
+    if !message.trim_start().starts_with('{') {
+        let detail = r#"the text message is no JSON object such as {"type": "configure", "mode": "lossless"}; frames "#;
+        return Err(format!("{detail}are binary messages: the encoded image as it is, not base64"));
+    }
+    let message = serde_json::from_str(message);
+    let ClientMessage::Configure(change) =
+        message.map_err(|error| format!("the text message cannot be read: {error}"))?;
+    Ok(change)
+}
+
+/// Answers a ping, and says what there is to say.
+async fn say(socket: &mut Socket, said: Vec<Utf8Bytes>) -> io::Result<()> {
+    socket.answer_ping().await?;
+    for message in said {
+        socket.send(message).await?;
+    }
+    Ok(())
 }
 
 /// A message as it is sent.

@@ -1,6 +1,6 @@
 //! A stream's turn on a thread: its first frame is taken and recognized, and its task hears what became of it.
 
-use super::lane::{Lane, Waiting};
+use super::lane::{Lane, Taken, Waiting};
 use super::ledger::Outcome;
 use crate::protocol::stream::DropReason;
 use crate::server::App;
@@ -29,8 +29,8 @@ pub struct Turn {
     pub lane: Arc<Lane>,
     /// The model that is asked for.
     pub model: String,
-    /// Who asks, for the choice of a version.
-    pub robot: String,
+    /// Who asks, for the choice of a version; robots without a name take no part in a canary.
+    pub robot: Option<String>,
     /// The stream's task.
     pub newsroom: UnboundedSender<News>,
 }
@@ -38,30 +38,26 @@ pub struct Turn {
 impl Turn {
     /// Takes the stream's first frame that is still in time, and recognizes it.
     pub fn run(self) {
-        let choose = || self.app.registry.choose(Some(&self.model), &Choice::Serving, Some(&self.robot));
-        while let Some((Waiting { seq, arrived, deadline, frame, spans }, served)) = self.lane.take(choose) {
-            let span = spans.taken();
-            let _ = self.newsroom.send(News::Took);
-            if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
-                self.settle(seq, Outcome::Dropped(DropReason::Deadline));
-                continue;
-            }
-            let queue = arrived.elapsed();
-            let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
-            verdict.outcome = Some(match served {
-                Err(error) => Outcome::Failed(error.into()),
-                Ok(served) => {
-                    let transport = Transport::Stream;
-                    let task = Task { served, deadline, explain: false, transport };
-                    span.in_scope(|| see(&self.app, frame, task, queue))
-                }
-            });
-            return;
+        let robot = self.robot.as_deref();
+        let choose = || self.app.registry.choose(Some(&self.model), &Choice::Serving, robot);
+        let Taken { expired, frame } = self.lane.take(Instant::now(), choose);
+        let _ = self.newsroom.send(News::Took);
+        for seq in expired {
+            let _ = self.newsroom.send(News::Settled(seq, Outcome::Dropped(DropReason::Deadline)));
         }
-    }
-
-    fn settle(&self, seq: u64, outcome: Outcome) {
-        let _ = self.newsroom.send(News::Settled(seq, outcome));
+        let Some((Waiting { seq, arrived, deadline, frame, share, spans }, served)) = frame else { return };
+        let span = spans.taken();
+        let queue = arrived.elapsed();
+        let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
+        verdict.outcome = Some(match served {
+            Err(error) => Outcome::Failed(error.into()),
+            Ok(served) => {
+                let task = Task { served, deadline, explain: false, transport: Transport::Stream };
+                span.in_scope(|| see(&self.app, frame, task, queue))
+            }
+        });
+        // Others have its room before its robot hears.
+        drop(share);
     }
 }
 

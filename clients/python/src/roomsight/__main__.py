@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import argparse
 import os
+import ssl
 import sys
 import time
 from pathlib import Path
 
 from . import Client, Dropped, Result, RoomsightError
 
-SUFFIXES = {".jpg", ".jpeg", ".png", ".webp", ".bmp", ".pgm"}
+SUFFIXES = {".jpg", ".jpeg", ".jfif", ".png", ".webp", ".bmp", ".pgm", ".ppm"}
+# How JPEG, PNG, WebP and BMP begin, whatever the file is called.
+BEGINNINGS = (b"\xff\xd8\xff", b"\x89PNG\r\n", b"RIFF", b"BM")
 
 
 def main() -> int:
@@ -19,21 +22,47 @@ def main() -> int:
     parser.add_argument("folder", type=Path, help="pictures, sent in the order of their names")
     parser.add_argument("--url", default="http://127.0.0.1:8080", help="the service (%(default)s)")
     parser.add_argument("--key", default=os.environ.get("ROOMSIGHT_KEY"), help="or ROOMSIGHT_KEY")
+    parser.add_argument("--ca", help="the authority of the service's certificate, a file of PEM")
     parser.add_argument("--robot", help="the name of the robot")
     parser.add_argument("--rate", type=float, default=5.0, help="frames a second (%(default)s)")
     arguments = parser.parse_args()
     try:
-        frames = sorted(path for path in arguments.folder.iterdir() if path.suffix.lower() in SUFFIXES)
-        stream_frames(arguments, frames)
+        stream_frames(arguments, pictures(arguments.folder))
     except (RoomsightError, OSError, ValueError) as error:
         print(f"roomsight: {error}", file=sys.stderr)
         return 1
     return 0
 
 
+def pictures(folder: Path) -> list[Path]:
+    """The pictures that lie directly in a folder, by name; hidden files and all else are left out and counted.
+
+    Raises ValueError where there is none."""
+    entries = sorted(folder.iterdir())
+    found = [entry for entry in entries if is_picture(entry)]
+    left_out = sorted(set(entries) - set(found))
+    if not found:
+        raise ValueError(f"{folder}: no picture lies in it; give a folder of pictures")
+    if left_out:
+        more = f" and {len(left_out) - 1} more" if len(left_out) > 1 else ""
+        print(f"left out: {left_out[0]}{more}: no picture in this folder", file=sys.stderr)
+    return found
+
+
+def is_picture(path: Path) -> bool:
+    """Whether it is a file that is called a picture or begins as one. Pipes and devices are not opened."""
+    if path.name.startswith(".") or not path.is_file():
+        return False
+    if path.suffix.lower() in SUFFIXES:
+        return True
+    with path.open("rb") as file:
+        return file.read(8).startswith(BEGINNINGS)
+
+
 def stream_frames(arguments: argparse.Namespace, frames: list[Path]) -> None:
     """Sends the frames at their rate, one after the other."""
-    with Client(arguments.url, arguments.key) as client, client.stream(robot=arguments.robot) as stream:
+    believed = ssl.create_default_context(cafile=arguments.ca) if arguments.ca else None
+    with Client(arguments.url, arguments.key, ssl=believed) as client, client.stream(robot=arguments.robot) as stream:
         due = time.monotonic()
         for frame in frames:
             time.sleep(max(0.0, due - time.monotonic()))

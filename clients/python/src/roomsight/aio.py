@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
+from ssl import SSLContext
 from typing import Any, Optional, Union
 
 import httpx
@@ -21,12 +22,23 @@ from .types import Answer, ModelList
 
 
 class AsyncClient(AsyncClosing):
-    """A service that can be called, with a key where it asks for one. Close it, or use ``async with``."""
+    """A service that can be called, with a key where it asks for one. Close it, or use ``async with``.
 
-    def __init__(self, url: str = DEFAULT_URL, key: Optional[str] = None) -> None:
+    ``ssl`` is as for ``Client``.
+    """
+
+    def __init__(
+        self, url: str = DEFAULT_URL, key: Optional[str] = None, *, ssl: Optional[SSLContext] = None
+    ) -> None:
         self._url = calls.check_url(url)
         self._headers = calls.authorization(key)
-        self._http = httpx.AsyncClient(base_url=self._url, headers=self._headers, timeout=PATIENCE_S)
+        self._ssl = calls.tls(url, ssl)
+        self._http = httpx.AsyncClient(
+            base_url=self._url,
+            headers=self._headers,
+            timeout=PATIENCE_S,
+            verify=True if self._ssl is None else self._ssl,
+        )
 
     async def recognize(
         self,
@@ -106,6 +118,7 @@ class AsyncClient(AsyncClosing):
                         # Images are compressed already.
                         compression=None,
                         open_timeout=PATIENCE_S,
+                        ssl=self._ssl,
                     )
                 )
                 hello = calls.read_hello(await asyncio.wait_for(socket.recv(), PATIENCE_S))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import ssl
 from pathlib import Path
 from typing import Any, Optional, TypeVar, Union
 
@@ -34,6 +35,13 @@ def check_url(url: str) -> str:
 def authorization(key: Optional[str]) -> dict[str, str]:
     """The header that carries the key."""
     return {} if key is None else {"Authorization": f"Bearer {key}"}
+
+
+def tls(url: str, context: Optional[ssl.SSLContext]) -> Optional[ssl.SSLContext]:
+    """Whom to believe at this address; None where it is no ``https://``."""
+    if not url.startswith("https://"):
+        return None
+    return context or ssl.create_default_context()
 
 
 def frame_bytes(frame: Frame) -> bytes:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from ssl import SSLContext
 from typing import Any, Optional, Union
 
 import httpx
@@ -20,12 +21,24 @@ from .types import Answer, ModelList
 
 
 class Client(Closing):
-    """A service that can be called, with a key where it asks for one. Close it, or use it with ``with``."""
+    """A service that can be called, with a key where it asks for one. Close it, or use it with ``with``.
 
-    def __init__(self, url: str = DEFAULT_URL, key: Optional[str] = None) -> None:
+    At an ``https://``, ``ssl`` says whom to believe, such as ``ssl.create_default_context(cafile="ca.pem")``;
+    left out, the authorities that the system believes.
+    """
+
+    def __init__(
+        self, url: str = DEFAULT_URL, key: Optional[str] = None, *, ssl: Optional[SSLContext] = None
+    ) -> None:
         self._url = calls.check_url(url)
         self._headers = calls.authorization(key)
-        self._http = httpx.Client(base_url=self._url, headers=self._headers, timeout=PATIENCE_S)
+        self._ssl = calls.tls(url, ssl)
+        self._http = httpx.Client(
+            base_url=self._url,
+            headers=self._headers,
+            timeout=PATIENCE_S,
+            verify=True if self._ssl is None else self._ssl,
+        )
 
     def recognize(
         self,
@@ -105,6 +118,7 @@ class Client(Closing):
                         # Images are compressed already.
                         compression=None,
                         open_timeout=PATIENCE_S,
+                        ssl=self._ssl,
                     )
                 )
                 hello = calls.read_hello(socket.recv(PATIENCE_S))

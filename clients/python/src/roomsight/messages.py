@@ -20,7 +20,10 @@ _DATED = 1
 
 @dataclass(frozen=True)
 class FilterSettings:
-    """How much one frame counts in the filter, above 0 to 1: lower is steadier and later."""
+    """How much one frame counts in the filter, above 0 to 10: lower is steadier and later.
+
+    A stream that says nothing of it has 2.0.
+    """
 
     trust: float
 
@@ -47,11 +50,15 @@ class StreamLimits:
     window: int
     idle_timeout_ms: int
     resume_ms: int
+    message_timeout_ms: Optional[int] = None
 
 
 @dataclass(frozen=True)
 class Hello:
-    """The first message of a connection."""
+    """The first message of a connection.
+
+    ``session`` is a secret: who has it can go on with the stream. ``stream`` is the name that dashboards show.
+    """
 
     protocol: str
     session: str
@@ -62,6 +69,7 @@ class Hello:
     modes: list[str]
     model: ModelName
     rooms: list[str]
+    stream: Optional[str] = None
 
 
 @dataclass(frozen=True)
@@ -72,16 +80,29 @@ class Configured:
 
 
 @dataclass(frozen=True)
+class Notice:
+    """Something about the stream that its robot's developer should know; each is told once a stream.
+
+    ``kind`` is ``stamps`` where the frames' times of capture stand still, run backwards, are zero or leap: the
+    filter then goes by the times at which frames arrive.
+    """
+
+    kind: str
+    detail: str
+
+
+@dataclass(frozen=True)
 class Result:
     """Which room a frame shows: ``answer`` is the frame's own, ``filtered`` that of the stream.
 
-    ``age_ms`` is from capture to answer, where the frame was dated.
+    ``age_ms`` is from capture to answer, where the frame was dated by a clock within an hour of the service's.
     """
 
     seq: int
     answer: Answer
     filtered: Optional[Filtered] = None
     age_ms: Optional[float] = None
+    notice: Optional[Notice] = None
 
     @property
     def room(self) -> str:
@@ -96,7 +117,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Dropped:
-    """A frame was not looked at: ``superseded``, ``deadline``, ``overload`` or ``draining``."""
+    """A frame was not looked at: ``superseded``, ``deadline``, ``draining``, or ``overload`` (never in ``lossless``)."""
 
     seq: int
     reason: str

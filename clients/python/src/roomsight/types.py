@@ -65,6 +65,7 @@ class Answer:
     robot: Optional[str] = None
     captured_at: Optional[str] = None
     evidence: Optional[list[KeypointEvidence]] = None
+    damaged_rows: int = 0
 
 
 @dataclass(frozen=True)
@@ -101,11 +102,13 @@ class Version:
 
 @dataclass(frozen=True)
 class Model:
-    """A model: its versions, the highest first, and the one that serves."""
+    """A model: its versions, the highest first, and the one that serves; ``default`` where it answers requests that
+    name none."""
 
     name: str
     versions: list[Version]
     serving: Optional[int] = None
+    default: bool = False
 
 
 @dataclass(frozen=True)

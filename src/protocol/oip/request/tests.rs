@@ -1,4 +1,6 @@
 use super::*;
+use base64::Engine;
+use base64::prelude::{BASE64_STANDARD, BASE64_URL_SAFE_NO_PAD};
 use proptest::prelude::*;
 use serde_json::{Value, json};
 
@@ -171,4 +173,32 @@ fn bytes_that_nobody_announced_are_refused() {
     let longer = [&body[..], b"more"].concat();
     let refused = Inference::read(&longer, Some(json_length), MAX_FRAMES).unwrap_err();
     assert_eq!(refused, RequestError::BinarySize { found: 18, announced: 14 });
+}
+
+#[test]
+fn frames_are_read_as_peoples_libraries_write_them() {
+    let frame: Vec<u8> = (0..200).map(|byte: u8| byte.wrapping_mul(37)).collect();
+    let in_lines = BASE64_STANDARD
+        .encode(&frame)
+        .as_bytes()
+        .chunks(76)
+        .fold(String::new(), |text, line| text + std::str::from_utf8(line).unwrap() + "\n");
+    for text in [in_lines, BASE64_URL_SAFE_NO_PAD.encode(&frame)] {
+        let mut request = in_json(&[vec![]]);
+        request["inputs"][0]["data"] = json!([text]);
+        let body = request.to_string();
+        assert_eq!(Inference::read(body.as_bytes(), None, MAX_FRAMES).unwrap().frames, [&frame[..]]);
+    }
+}
+
+#[test]
+fn a_list_in_the_place_of_an_object_is_refused() {
+    for (at, value) in [
+        ("/inputs", json!([["frame", "BYTES", [1], null, [""]]])),
+        ("/outputs", json!([["room", null]])),
+        ("/parameters", json!([null, null, null, true])),
+    ] {
+        let message = refused(at, value).to_string();
+        assert!(message.contains("expected an object"), "{message}");
+    }
 }
