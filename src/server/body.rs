@@ -10,7 +10,7 @@ use super::bodies::Held;
 use super::caller::CallerId;
 use super::media_type::{MediaType, content_type};
 use super::places::Line;
-use super::pool::QueueFull;
+use super::pool::{QueueFull, Whose};
 use super::problem::Problem;
 use super::recognize::RecognizeError;
 use crate::protocol::base64_text;
@@ -26,7 +26,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::runtime::Handle;
 use tokio::sync::OwnedSemaphorePermit;
-use tokio::time::timeout;
+use tokio::time::{sleep, timeout};
 
 /// Bytes of a form or of JSON beside the frame, or of JSON without one.
 const ENVELOPE_BYTES: usize = 16 << 10;
@@ -34,6 +34,8 @@ const ENVELOPE_BYTES: usize = 16 << 10;
 const MAX_TRUSTED_BYTES: usize = 256 << 10;
 /// The longest body that is taken apart on the thread that received it, which takes a millisecond or two.
 const MAX_BYTES_AT_ONCE: usize = 1 << 20;
+/// How long a caller whose share is used up waits to hear so: one that asks again at once takes little from others.
+const REFUSAL_PAUSE: Duration = Duration::from_millis(100);
 /// The field of a form that holds a frame.
 const FIELD: &str = "frame";
 
@@ -164,7 +166,12 @@ pub async fn read(app: &App, request: Request, limit: usize) -> Result<(Request,
     if app.is_draining() {
         return Err(Problem::Draining);
     }
-    app.pool.has_room(&CallerId::of(request.extensions()))?;
+    if let Err(full) = app.pool.has_room(&CallerId::of(request.extensions())) {
+        if full.whose == Whose::Caller {
+            sleep(REFUSAL_PAUSE).await;
+        }
+        return Err(full.into());
+    }
     let (request, frame) = receive(app, request, limit).await?;
     if frame.bytes.is_empty() { Err(BodyError::Empty.into()) } else { Ok((request, frame)) }
 }

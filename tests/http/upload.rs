@@ -15,7 +15,9 @@ use tokio::task::spawn_blocking;
 
 /// The head of an upload whose body does not come before it is asked for.
 fn head(path: &str, more: &str) -> String {
-    format!("PUT {path} HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1000000\r\nexpect: 100-continue\r\n{more}\r\n")
+    format!(
+        "PUT {path} HTTP/1.1\r\nhost: localhost\r\ncontent-length: 1000000\r\nexpect: 100-continue\r\n{more}\r\n"
+    )
 }
 
 fn gzipped(body: &[u8]) -> Vec<u8> {
