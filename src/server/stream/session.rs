@@ -4,7 +4,7 @@
 //! The task outlives a connection that breaks, so that the robot can come back to its filter and to the
 //! answers that it missed.
 
-use super::inbox::{Incoming, MAX_TEXT_BYTES, Received};
+use super::inbox::{Incoming, Received};
 use super::lane::{Lane, Waiting};
 use super::ledger::{Accepted, Ledger, Outcome};
 use super::settings;
@@ -15,8 +15,7 @@ use super::{Arrival, Streams};
 use crate::protocol::event::Event;
 use crate::protocol::header::{Header, MAX_SEQ};
 use crate::protocol::stream::{
-    ClientMessage, Configure, DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits,
-    StreamSettings,
+    DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits, StreamSettings,
 };
 use crate::server::App;
 use crate::server::body::BodyError;
@@ -435,7 +434,7 @@ impl Session {
 
     fn configure(&mut self, message: Option<&str>) -> ServerMessage {
         let changed = || {
-            let change = read(message).map_err(Problem::Query)?;
+            let change = settings::read(message)?;
             if let Some(robot) = &change.robot {
                 self.app.keyring.check_robot(self.record.key(), robot)?;
             }
@@ -480,21 +479,6 @@ impl Session {
             rooms: self.teller.rooms().to_vec(),
         }))
     }
-}
-
-/// What a text message configures; none where it is longer than is read. Else what is wrong with it.
-fn read(message: Option<&str>) -> Result<Configure, String> {
-    let message = message.ok_or_else(|| {
-        format!("the text message is longer than {MAX_TEXT_BYTES} bytes; frames are binary messages")
-    })?;
-    if !message.trim_start().starts_with('{') {
-        let detail = r#"the text message is no JSON object such as {"type": "configure", "mode": "lossless"}; frames "#;
-        return Err(format!("{detail}are binary messages: the encoded image as it is, not base64"));
-    }
-    let message = serde_json::from_str(message);
-    let ClientMessage::Configure(change) =
-        message.map_err(|error| format!("the text message cannot be read: {error}"))?;
-    Ok(change)
 }
 
 /// Answers a ping, and says what there is to say.

@@ -1,7 +1,8 @@
 //! How a stream is configured, by its URL and by messages.
 
+use super::inbox::MAX_TEXT_BYTES;
 use crate::filter::Trust;
-use crate::protocol::stream::{Configure, FilterChoice, FilterSettings, Mode, StreamSettings};
+use crate::protocol::stream::{ClientMessage, Configure, FilterChoice, FilterSettings, Mode, StreamSettings};
 use crate::server::problem::Problem;
 use crate::server::query::check;
 use crate::server::registry::{Choice, Registry};
@@ -70,4 +71,26 @@ pub fn changed(
         deadline_ms: unless_zero(change.deadline_ms, settings.deadline_ms),
         top: unless_zero(change.top.map(|n| n as u64), settings.top.map(|n| n as u64)).map(|n| n as usize),
     })
+}
+
+/// What a text message configures; there is none where it is longer than is read.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn read(message: Option<&str>) -> Result<Configure, Problem> {
+    let message = message.ok_or_else(|| {
+        Problem::Query(format!(
+            "the text message is longer than {MAX_TEXT_BYTES} bytes; frames are binary messages"
+        ))
+    })?;
+    if !message.trim_start().starts_with('{') {
+        let detail = r#"the text message is no JSON object such as {"type": "configure", "mode": "lossless"}; frames "#;
+        return Err(Problem::Query(format!(
+            "{detail}are binary messages: the encoded image as it is, not base64"
+        )));
+    }
+    let message = serde_json::from_str(message);
+    let ClientMessage::Configure(change) =
+        message.map_err(|error| Problem::Query(format!("the text message cannot be read: {error}")))?;
+    Ok(change)
 }
