@@ -140,6 +140,11 @@ impl Harris {
             (1..width.saturating_sub(1)).for_each(|x| multiply([x - 1, x, x + 1]));
             if wraps {
                 [0, width - 1].into_iter().for_each(|x| multiply(plane.around(x)));
+            } else {
+                // They have a neighbor on one side only; what stood there was of another plane.
+                for x in [0, width - 1] {
+                    (xx[x], xy[x], yy[x]) = (0.0, 0.0, 0.0);
+                }
             }
         }
         for (product, average) in self.products.iter().zip(&mut self.averages) {
@@ -206,6 +211,21 @@ mod tests {
         for change in [(0.7, 1.0, 1.0), (4.0, 1.0, 1.0), (0.0, 0.8, 1.0), (2.0, 1.3, 1.0), (0.0, 1.0, 0.8)] {
             let share = repeatability(&detector, change);
             assert!(share >= 0.65, "{change:?}: {share}");
+        }
+    }
+
+    #[test]
+    fn a_measure_is_of_its_plane_alone() {
+        let plane = |side: usize| {
+            let pixels = (0..side * side).map(|idx| (idx * 31 % 251) as u8).collect();
+            Plane::new(&Image::from_pixels(side, side, pixels).unwrap(), false)
+        };
+        let (mut used, mut fresh) = (Harris::default(), Harris::default());
+        used.measure(&plane(40), 1.0, 1.4);
+        used.measure(&plane(20), 1.0, 1.4);
+        fresh.measure(&plane(20), 1.0, 1.4);
+        for y in 0..20 {
+            assert_eq!(used.measure.row(y), fresh.measure.row(y), "{y}");
         }
     }
 
