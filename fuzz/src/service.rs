@@ -19,7 +19,7 @@ fn key() -> (String, Key) {
     Key::new(Role::Robot, "wall-e", &[7; 32]).expect("a name of letters")
 }
 
-/// Starts the service, which takes long where all processors are busy: models load when nothing else is to do.
+/// Starts the service, before the time of an input is taken.
 pub fn start_service() {
     address();
 }
