@@ -74,10 +74,11 @@ fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
     limits::raise_open_files(&settings);
     let address = permitted_address(&settings)?;
     let runtime = tokio::runtime::Runtime::new()?;
-    {
+    let hangups = {
         let _inside = runtime.enter();
         limits::survive_large_files();
-    }
+        hangups()
+    };
     let app = App::start(settings)?;
     let served = runtime.block_on(async {
         let listener = listen(address)?;
@@ -92,7 +93,7 @@ fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
         }
         tokio::select! {
             served = server::serve(app.clone(), listener, stop_signal()) => served.context("the service failed"),
-            never = reload_when_told(&app, args) => match never {},
+            never = reload_when_told(&app, args, hangups) => match never {},
         }
     });
     // A model that is still being loaded is not waited for.
@@ -156,12 +157,23 @@ fn permitted_address(settings: &Settings) -> anyhow::Result<SocketAddr> {
     Ok(address)
 }
 
+#[cfg(unix)]
+type Hangups = tokio::signal::unix::Signal;
+#[cfg(not(unix))]
+type Hangups = Infallible;
+
+/// SIGHUP from now on, also while models are loaded. Where it cannot be had it ends the process, as ever.
+fn hangups() -> Option<Hangups> {
+    #[cfg(unix)]
+    return tokio::signal::unix::signal(tokio::signal::unix::SignalKind::hangup()).ok();
+    #[cfg(not(unix))]
+    return None;
+}
+
 /// Reads keys and certificates again whenever the process is told to (SIGHUP), for ever.
 #[cfg(unix)]
-async fn reload_when_told(app: &App, args: &ServeArgs) -> Infallible {
-    use tokio::signal::unix::{SignalKind, signal};
-    // Where the signal cannot be had it ends the process, as ever.
-    let Ok(mut hangups) = signal(SignalKind::hangup()) else { return pending().await };
+async fn reload_when_told(app: &App, args: &ServeArgs, hangups: Option<Hangups>) -> Infallible {
+    let Some(mut hangups) = hangups else { return pending().await };
     while hangups.recv().await.is_some() {
         let fresh = Settings::load(args.config.as_deref(), environment(), flags(args));
         match fresh.map_err(ReloadError::from).and_then(|fresh| app.reload(&fresh)) {
@@ -173,7 +185,7 @@ async fn reload_when_told(app: &App, args: &ServeArgs) -> Infallible {
 }
 
 #[cfg(not(unix))]
-async fn reload_when_told(_: &App, _: &ServeArgs) -> Infallible {
+async fn reload_when_told(_: &App, _: &ServeArgs, _: Option<Hangups>) -> Infallible {
     pending().await
 }
 

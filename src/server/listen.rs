@@ -167,6 +167,9 @@ impl Acceptor {
                 Some(tls) => {
                     let shaken = tokio::select! {
                         shaken = tls.accept(stream) => shaken,
+                        () = line.gives_way() => {
+                            return tracing::debug!(peer = %peer.0, "a handshake gave way to another connection");
+                        }
                         () = stop(stopped.clone()), if life == Life::UntilStop => return,
                     };
                     match shaken {
@@ -179,7 +182,7 @@ impl Acceptor {
             };
             let stream = WriteTimeout::new(stream, write_timeout);
             let service = service(router, peer, line.clone(), stream.switch());
-            let stream = TokioIo::new(Misread::new(stream, app.clone()));
+            let stream = TokioIo::new(Misread::new(stream, app.clone(), peer));
             let mut connection = pin!(http.serve_connection(stream, service).with_upgrades());
             let result = tokio::select! {
                 result = connection.as_mut() => result,

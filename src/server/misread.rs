@@ -7,6 +7,7 @@
 //! of lines, and WebSockets have frames of their own.
 
 use super::App;
+use super::listen::Peer;
 use super::problem::Problem;
 use axum::http::StatusCode;
 use std::io::{self, IoSlice};
@@ -28,6 +29,7 @@ const LINGER: Duration = Duration::from_secs(2);
 pub struct Misread<T> {
     io: T,
     app: App,
+    peer: Peer,
     told: Option<Told>,
 }
 
@@ -41,16 +43,16 @@ struct Told {
 
 impl<T> Misread<T> {
     /// Those of one connection.
-    pub fn new(io: T, app: App) -> Self {
-        Self { io, app, told: None }
+    pub fn new(io: T, app: App, peer: Peer) -> Self {
+        Self { io, app, peer, told: None }
     }
 }
 
 impl<T: AsyncWrite + Unpin> Misread<T> {
     /// Writes the refusal that takes the place of `head`, all of it before this is ready.
     fn poll_told(&mut self, context: &mut Context, head: &[u8]) -> Poll<io::Result<usize>> {
-        let Self { io, app, told } = self;
-        let told = told.get_or_insert_with(|| Told::instead_of(head, app));
+        let Self { io, app, peer, told } = self;
+        let told = told.get_or_insert_with(|| Told::instead_of(head, app, *peer));
         while told.n_written < told.bytes.len() {
             match ready!(Pin::new(&mut *io).poll_write(context, &told.bytes[told.n_written..]))? {
                 0 => return Poll::Ready(Err(io::ErrorKind::WriteZero.into())),
@@ -62,14 +64,16 @@ impl<T: AsyncWrite + Unpin> Misread<T> {
 }
 
 impl Told {
-    fn instead_of(head: &[u8], app: &App) -> Self {
+    fn instead_of(head: &[u8], app: &App, Peer(peer): Peer) -> Self {
         let problem = match status(head) {
             Some(StatusCode::BAD_REQUEST) | None => Problem::NotHttp,
             Some(status) => Problem::Framework(status),
         };
         let id = app.request_ids.next();
-        let status = problem.kind().status().as_u16();
-        tracing::info!(request_id = %id, status, "refused before it was a request");
+        let status = problem.kind().status();
+        if app.refusals.is_news(peer.ip(), status) {
+            tracing::info!(request_id = %id, status = status.as_u16(), %peer, "refused before it was a request");
+        }
         let body = serde_json::to_vec(&problem.body(&id)).unwrap_or_default();
         let mut bytes = Vec::with_capacity(head.len() + body.len() + 128);
         for line in

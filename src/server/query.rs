@@ -116,7 +116,9 @@ fn choice(query: &RecognizeQuery) -> Result<Choice, Problem> {
 /// line, reorders a text or makes two names look alike.
 pub fn check(name: &str, text: Option<&str>) -> Result<(), Problem> {
     match text {
-        Some(text) if text.is_empty() || text.len() > MAX_TEXT_BYTES || !is_visible(text) => {
+        Some(text)
+            if text.trim() != text || text.is_empty() || text.len() > MAX_TEXT_BYTES || !is_visible(text) =>
+        {
             Err(Problem::Query(format!(
                 "`{name}` must be 1 to {MAX_TEXT_BYTES} bytes of characters that can be seen; leave it out for none"
             )))
@@ -125,10 +127,17 @@ pub fn check(name: &str, text: Option<&str>) -> Result<(), Problem> {
     }
 }
 
-/// Whether Rust would print the text as it is; quotes and backslashes it escapes for another reason.
+/// Whether Rust would print the text as it is (quotes and backslashes it escapes for another reason), and has no
+/// letter that looks like nothing.
 fn is_visible(text: &str) -> bool {
+    let looks_like_nothing = |letter: char| {
+        matches!(
+            letter,
+            '\u{34f}' | '\u{115f}' | '\u{1160}' | '\u{17b4}' | '\u{17b5}' | '\u{2800}' | '\u{3164}'
+        ) || matches!(letter, '\u{fe00}'..='\u{fe0e}' | '\u{ffa0}' | '\u{e0100}'..='\u{e01ef}')
+    };
     let text = text.replace(['"', '\'', '\\'], "-");
-    text.escape_debug().eq(text.chars())
+    text.escape_debug().eq(text.chars()) && !text.contains(looks_like_nothing)
 }
 
 /// Whether a text tells when a frame was taken.
@@ -204,6 +213,10 @@ mod tests {
             "\u{feff}a",
             "\u{301}a",
             "a\u{e0041}",
+            "wall-e ",
+            " wall-e",
+            "wall-e\u{3164}",
+            "wall\u{2800}e",
             &"x".repeat(65),
         ] {
             assert!(!is_taken(bad), "{bad:?}");

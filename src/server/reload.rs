@@ -39,7 +39,7 @@ impl App {
         }
         let waiting = self.settings.changes_to(fresh)?;
         self.keyring.replace(&fresh.keys);
-        let tls = self.tls.as_ref().map(|tls| tls.reload().map(drop));
+        let tls = self.tls.as_ref().map(|tls| tls.reload_asked());
         Ok(Reloaded { n_keys: fresh.keys.len(), tls, waiting })
     }
 }

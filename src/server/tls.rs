@@ -13,7 +13,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
-use tokio::io::AsyncWriteExt;
+use tokio::io::{AsyncWriteExt, copy, sink};
 use tokio::net::TcpStream;
 use tokio::task::spawn_blocking;
 use tokio::time::{interval, timeout};
@@ -24,6 +24,8 @@ use tokio_rustls::server::TlsStream;
 const LOOK_EVERY: Duration = Duration::from_secs(2);
 /// How long a handshake may take.
 const HANDSHAKE_PATIENCE: Duration = Duration::from_secs(10);
+/// How long a caller that speaks plain HTTP may take to hear that this is TLS.
+const LINGER: Duration = Duration::from_secs(1);
 /// What callers hear that do not begin one.
 const PLAIN_HTTP: &[u8] =
     b"HTTP/1.1 400 Bad Request\r\ncontent-type: text/plain\r\nconnection: close\r\n\r\n\
@@ -107,16 +109,35 @@ impl Tls {
     /// Files that cannot be used, the first time that they are seen so.
     pub fn reload(&self) -> Result<bool, TlsError> {
         let contents = self.files.read();
-        let digest = match &contents {
+        if !self.is_news(&contents) {
+            return Ok(false);
+        }
+        self.take_over(contents).map(|()| true)
+    }
+
+    /// Reads the files again because somebody asked, who is told of every time that they cannot be used.
+    ///
+    /// # Errors
+    /// Files that cannot be used; the old stays.
+    pub fn reload_asked(&self) -> Result<(), TlsError> {
+        let contents = self.files.read();
+        self.is_news(&contents);
+        self.take_over(contents)
+    }
+
+    /// Notes what the files hold; whether it was something else before.
+    fn is_news(&self, contents: &Result<Contents, TlsError>) -> bool {
+        let digest = match contents {
             Ok(contents) => contents.digest(),
             Err(error) => blake3::hash(error.to_string().as_bytes()),
         };
         let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
-        if std::mem::replace(&mut *seen, digest) == digest {
-            return Ok(false);
-        }
+        std::mem::replace(&mut *seen, digest) != digest
+    }
+
+    fn take_over(&self, contents: Result<Contents, TlsError>) -> Result<(), TlsError> {
         self.config.store(Arc::new(self.files.config(&contents?)?));
-        Ok(true)
+        Ok(())
     }
 
     /// Shakes hands with a caller.
@@ -132,6 +153,9 @@ impl Tls {
         stream.peek(&mut first).await?;
         if first[0].is_ascii_alphabetic() {
             stream.write_all(PLAIN_HTTP).await?;
+            stream.shutdown().await?;
+            // Bytes that nobody reads would reset the connection, and the reset overtake the reason.
+            let _ = timeout(LINGER, copy(&mut stream, &mut sink())).await;
             return Err(io::Error::other("plain HTTP"));
         }
         TlsAcceptor::from(self.config.load_full()).accept(stream).await

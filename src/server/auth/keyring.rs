@@ -65,7 +65,10 @@ impl Keyring {
     /// A robot that is not one of the key's, or that another key is bound to.
     pub fn check_robot(&self, key: Option<&Key>, robot: &str) -> Result<(), AuthError> {
         let is_own = key.is_some_and(|key| key.is_bound_to(robot) || key.name() == robot);
-        let is_others = || self.keys.borrow().iter().any(|other| other.is_bound_to(robot));
+        // A key of several robots that names none speaks by its own name.
+        let is_of =
+            |other: &Arc<Key>| other.is_bound_to(robot) || (other.is_bound() && other.name() == robot);
+        let is_others = || self.keys.borrow().iter().any(is_of);
         if is_own || !key.is_some_and(Key::is_bound) && !is_others() {
             Ok(())
         } else {
@@ -135,6 +138,7 @@ mod tests {
         assert!(may(Some(&bound), "wall-e") && may(Some(&bound), "a") && !may(Some(&bound), "eve"));
         assert!(!may(Some(&free), "wall-e") && may(Some(&free), "eve"));
         assert!(!may(None, "wall-e") && may(None, "eve"));
+        assert!(!may(Some(&free), "a"), "the bound key speaks by its own name where it names no robot");
     }
 
     #[test]

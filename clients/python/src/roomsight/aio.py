@@ -148,8 +148,10 @@ class AsyncStream(AsyncClosing):
 
     async def send(self, frame: Frame, *, captured_at_ns: Optional[int] = None) -> int:
         """Sends an encoded image, and returns its number. ``captured_at_ns`` is as of ``time.time_ns()``."""
+        # What cannot be sent takes no number.
+        message = messages.frame_message(calls.frame_bytes(frame), self._position.next_seq, captured_at_ns)
         seq = self._position.number()
-        await self._send(messages.frame_message(calls.frame_bytes(frame), seq, captured_at_ns))
+        await self._send(message)
         return seq
 
     async def configure(
