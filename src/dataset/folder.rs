@@ -65,7 +65,10 @@ impl Reader<'_> {
     /// it would be the only one.
     fn wrapped<'t>(&self, tree: &'t Tree) -> Option<&'t Tree> {
         let [only] = tree.with_pictures()[..] else { return None };
-        let is_wrapping = tree.pictures.is_empty() && branches(only) && !self.is_named(only);
+        // A folder beside it that is empty, or holds what cannot be read here, is a room too.
+        let is_alone = tree.unreadable.is_empty()
+            && tree.folders.iter().all(|folder| std::ptr::eq(folder, only) || !folder.may_be_room());
+        let is_wrapping = is_alone && tree.pictures.is_empty() && branches(only) && !self.is_named(only);
         is_wrapping.then_some(only)
     }
 

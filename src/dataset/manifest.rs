@@ -144,7 +144,8 @@ fn line_of_record(record: &StringRecord, text: &str) -> u64 {
 /// What separates the headings: the delimiter that cuts out the most columns that are looked for.
 fn delimiter(text: &str) -> u8 {
     let is_passed_over = |line: &&str| line.is_empty() || line.starts_with('#');
-    let mut lines = text.split(['\n', '\r']).map(str::trim).filter(|line| !is_passed_over(line));
+    let mut lines =
+        text.split(['\n', '\r']).map(|line| line.trim_matches(' ')).filter(|line| !is_passed_over(line));
     let first = lines.next().unwrap_or_default();
     if let [b's' | b'S', b'e' | b'E', b'p' | b'P', b'=', delimiter] = *first.as_bytes()
         && DELIMITERS.contains(&delimiter)
@@ -167,21 +168,30 @@ fn without_spaces_before_quotes(text: &str, delimiter: u8) -> String {
     // Whether only spaces were seen of the field, and where they begin in `out`.
     let mut field_start = Some(0);
     let mut is_quoted = false;
-    for character in text.chars() {
+    let mut began_quoted = false;
+    let mut is_comment = text.starts_with('#');
+    let mut characters = text.chars().peekable();
+    while let Some(character) = characters.next() {
+        let ends_line = !is_quoted && matches!(character, '\n' | '\r');
         if is_quoted {
             is_quoted = character != '"';
+        } else if ends_line || (!is_comment && character == char::from(delimiter)) {
+            (field_start, began_quoted) = (Some(out.len() + 1), false);
+        } else if is_comment {
+            // Its quotes mean nothing.
         } else if character == '"' {
             if let Some(start) = field_start.take() {
                 out.truncate(start);
-                is_quoted = true;
-            } else if out.ends_with('"') {
+                (is_quoted, began_quoted) = (true, true);
+            } else if began_quoted && out.ends_with('"') {
                 // Two quotes in a quoted field stand for one.
                 is_quoted = true;
             }
-        } else if character == char::from(delimiter) || character == '\n' || character == '\r' {
-            field_start = Some(out.len() + 1);
         } else if character != ' ' && character != '\t' {
             field_start = None;
+        }
+        if ends_line {
+            is_comment = characters.peek() == Some(&'#');
         }
         out.push(character);
     }

@@ -21,6 +21,8 @@ pub struct Tree {
     pub left_out: Vec<Problem>,
     /// What cannot be read, be it files or folders, sorted.
     pub unreadable: Vec<Problem>,
+    /// Whether something that was left out is a picture of a format that is not read here.
+    has_other_pictures: bool,
 }
 
 /// The deepest folder that is looked into, counted from the root.
@@ -83,6 +85,18 @@ impl Tree {
     /// The folders in it with a picture.
     pub fn with_pictures(&self) -> Vec<&Self> {
         self.folders.iter().filter(|folder| folder.has_pictures()).collect()
+    }
+
+    /// Whether a folder without a picture may be meant as a room: nothing is in it, or what cannot be read here.
+    pub fn may_be_room(&self) -> bool {
+        let is_empty = self.folders.is_empty() && self.pictures.is_empty() && self.lists.is_empty();
+        (is_empty && self.left_out.is_empty()) || self.has_what_cannot_be_read()
+    }
+
+    fn has_what_cannot_be_read(&self) -> bool {
+        !self.unreadable.is_empty()
+            || self.has_other_pictures
+            || self.folders.iter().any(Self::has_what_cannot_be_read)
     }
 
     /// All pictures, those of folders in it too.
@@ -180,20 +194,36 @@ fn add_file(tree: &mut Tree, path: PathBuf) {
     if extension.eq_ignore_ascii_case("csv") || extension.eq_ignore_ascii_case("tsv") {
         return tree.lists.push(path);
     }
-    match head(&path).map(|head| no_picture(&head)) {
-        Ok(None) => tree.pictures.push(path),
-        Ok(Some(reason)) => tree.leave_out(&path, reason),
+    match head(&path).map(|head| Begins::of(&head)) {
+        Ok(Begins::Picture) => tree.pictures.push(path),
+        Ok(Begins::Otherwise(reason)) => tree.leave_out(&path, reason),
+        Ok(Begins::OtherPicture(reason)) => {
+            tree.has_other_pictures = true;
+            tree.leave_out(&path, reason);
+        }
         Err(error) => tree.fail(&path, &error),
     }
 }
 
-/// Why bytes do not begin as a picture that can be read; none where they do.
-fn no_picture(head: &[u8]) -> Option<String> {
-    match Image::decode(head, &Limits::default()) {
-        _ if head.is_empty() => Some("an empty file".to_owned()),
-        Err(ImageError::UnknownFormat) => Some("not a picture".to_owned()),
-        Err(error @ ImageError::Unsupported { .. }) => Some(error.to_string()),
-        _ => None,
+/// How a file begins.
+#[derive(Debug, PartialEq, Eq)]
+enum Begins {
+    /// As a picture that can be read.
+    Picture,
+    /// As one of a format that is not read here, or a video; what is said of it.
+    OtherPicture(String),
+    /// Otherwise; what is said of it.
+    Otherwise(String),
+}
+
+impl Begins {
+    fn of(head: &[u8]) -> Self {
+        match Image::decode(head, &Limits::default()) {
+            _ if head.is_empty() => Self::Otherwise("an empty file".to_owned()),
+            Err(ImageError::UnknownFormat) => Self::Otherwise("not a picture".to_owned()),
+            Err(error @ ImageError::Unsupported { .. }) => Self::OtherPicture(error.to_string()),
+            _ => Self::Picture,
+        }
     }
 }
 
@@ -222,13 +252,16 @@ mod tests {
             b"P5\n4 4\n255\n",
         ];
         for head in pictures {
-            assert_eq!(no_picture(head), None, "{head:?}");
+            assert_eq!(Begins::of(head), Begins::Picture, "{head:?}");
         }
-        let reason = |head: &[u8]| no_picture(head).unwrap();
-        assert_eq!(reason(b""), "an empty file");
-        assert_eq!(reason(b"file,place\n"), "not a picture");
-        assert!(reason(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic").contains("HEIC"));
-        assert!(reason(b"\0\0\0\x18ftypisom\0\0\0\0isommp42").contains("video"));
+        let otherwise = |reason: &str| Begins::Otherwise(reason.to_owned());
+        assert_eq!(Begins::of(b""), otherwise("an empty file"));
+        assert_eq!(Begins::of(b"file,place\n"), otherwise("not a picture"));
+        let told = |head: &[u8], format: &str| {
+            assert!(matches!(Begins::of(head), Begins::OtherPicture(reason) if reason.contains(format)));
+        };
+        told(b"\0\0\0\x18ftypheic\0\0\0\0mif1heic", "HEIC");
+        told(b"\0\0\0\x18ftypisom\0\0\0\0isommp42", "video");
     }
 
     #[test]

@@ -1,10 +1,18 @@
 //! The chunks of PNG and WebP: what is handed to their decoders, and what is read beside.
 
 use super::{ImageError, exif, unsupported};
+use flate2::read::ZlibDecoder;
 use image::metadata::Orientation;
+use std::io::Read;
 
 /// What PNG files begin with.
 const PNG_START: usize = 8;
+/// What PNG files end with.
+const PNG_END: &[u8] = b"\0\0\0\0IEND\xAE\x42\x60\x82";
+/// What a text with EXIF begins with.
+const PROFILE: &[u8] = b"Raw profile type exif\0";
+/// The most of such a text that is read, in bytes.
+const MAX_PROFILE: usize = 256 << 10;
 
 /// A PNG of only those chunks that make its pixels.
 pub(super) struct Pixels {
@@ -20,18 +28,22 @@ pub(super) fn pixels_of_png(bytes: &[u8]) -> Result<Pixels, ImageError> {
     let (start, mut rest) = bytes.split_at_checked(PNG_START).unwrap_or((bytes, &[]));
     let mut pixels = Vec::with_capacity(bytes.len());
     pixels.extend(start);
-    let (mut in_exif, mut in_xmp) = (None, None);
+    let (mut in_exif, mut in_xmp, mut profile) = (None, None, None);
     while let Some((head, _)) = rest.split_first_chunk::<8>() {
         let [a, b, c, d, kind @ ..] = *head;
         let length = u32::from_be_bytes([a, b, c, d]) as usize;
         let chunk = &rest[..rest.len().min(length.saturating_add(12))];
         let content = chunk.get(8..8 + length).unwrap_or_default();
         match &kind {
-            b"IHDR" | b"PLTE" | b"IDAT" | b"IEND" => pixels.extend(chunk),
+            b"IHDR" | b"PLTE" | b"IDAT" => pixels.extend(chunk),
             b"eXIf" => in_exif = in_exif.or_else(|| exif::in_exif(content)),
             b"iTXt" => {
                 let xmp = content.strip_prefix(b"XML:com.adobe.xmp\0\0");
                 in_xmp = in_xmp.or_else(|| exif::in_xmp(xmp?));
+            }
+            b"tEXt" | b"zTXt" if profile.is_none() => {
+                let is_packed = kind == *b"zTXt";
+                profile = content.strip_prefix(PROFILE).map(|content| Profile { is_packed, content });
             }
             b"CgBI" => {
                 return Err(unsupported("a PNG for iPhone programs alone", "convert it to an ordinary PNG"));
@@ -43,7 +55,35 @@ pub(super) fn pixels_of_png(bytes: &[u8]) -> Result<Pixels, ImageError> {
         }
         rest = &rest[chunk.len()..];
     }
-    Ok(Pixels { bytes: pixels, orientation: in_exif.or(in_xmp) })
+    // Where only the end is missing, nothing is.
+    pixels.extend(PNG_END);
+    let in_profile = || profile.and_then(|profile| profile.orientation());
+    Ok(Pixels { bytes: pixels, orientation: in_exif.or_else(in_profile).or(in_xmp) })
+}
+
+/// EXIF as a text, as some programs write it: its length and hexadecimal digits.
+struct Profile<'a> {
+    is_packed: bool,
+    content: &'a [u8],
+}
+
+impl Profile<'_> {
+    fn orientation(&self) -> Option<Orientation> {
+        let mut text = Vec::new();
+        if self.is_packed {
+            // After the method of compression, of which there is one.
+            let packed = ZlibDecoder::new(self.content.get(1..)?);
+            packed.take(MAX_PROFILE as u64).read_to_end(&mut text).ok()?;
+        } else {
+            text.extend(&self.content[..self.content.len().min(MAX_PROFILE)]);
+        }
+        // An empty line, the name and the length come first.
+        let digits = text.splitn(4, |&byte| byte == b'\n').nth(3)?;
+        let digits = digits.iter().filter_map(|&digit| char::from(digit).to_digit(16));
+        let digits: Vec<u8> = digits.map(|digit| digit as u8).collect();
+        let bytes: Vec<u8> = digits.as_chunks::<2>().0.iter().map(|&[high, low]| (high << 4) | low).collect();
+        exif::in_exif(&bytes)
+    }
 }
 
 /// What EXIF or XMP of a WebP says.
@@ -70,8 +110,10 @@ mod tests {
     use super::super::exif::tests::exif;
     use super::super::{Image, ImageError, Limits};
     use super::*;
+    use flate2::Compression;
+    use flate2::write::ZlibEncoder;
     use image::{DynamicImage, ImageFormat};
-    use std::io::Cursor;
+    use std::io::{Cursor, Write};
 
     fn png() -> Vec<u8> {
         let mut bytes = Vec::new();
@@ -105,6 +147,26 @@ mod tests {
             let image = Image::decode(&with_chunk(b"eXIf", &exif, is_behind), &Limits::default()).unwrap();
             assert_eq!((image.width(), image.height()), (20, 30));
         }
+    }
+
+    #[test]
+    fn orientation_is_read_in_a_text_too() {
+        let digits: String = exif(6, false, true).iter().map(|byte| format!("{byte:02x}")).collect();
+        let text = format!("\nexif\n{:8}\n{digits}\n", digits.len() / 2);
+        let mut packed = ZlibEncoder::new(vec![0], Compression::fast());
+        packed.write_all(text.as_bytes()).unwrap();
+        for (kind, text) in [(b"tEXt", text.into_bytes()), (b"zTXt", packed.finish().unwrap())] {
+            let png = with_chunk(kind, &[PROFILE, &text].concat(), false);
+            let image = Image::decode(&png, &Limits::default()).unwrap();
+            assert_eq!((image.width(), image.height()), (20, 30));
+        }
+    }
+
+    #[test]
+    fn a_picture_without_its_end_is_whole() {
+        let png = png();
+        let image = Image::decode(&png[..png.len() - 12], &Limits::default()).unwrap();
+        assert_eq!((image.width(), image.height()), (30, 20));
     }
 
     #[test]

@@ -9,12 +9,12 @@ const ORIENTATION: u16 = 0x0112;
 const MAX_ENTRIES: usize = 1024;
 
 /// What EXIF says, with the head that JPEG gives it or without.
-pub(super) fn in_exif(bytes: &[u8]) -> Option<Orientation> {
-    match bytes.strip_prefix(b"Exif\0") {
-        // The sixth byte is 0, or 255 by some programs.
-        Some(rest) => in_tiff(rest.get(1..)?),
-        None => in_tiff(bytes),
+pub(super) fn in_exif(mut bytes: &[u8]) -> Option<Orientation> {
+    // Some programs write this more than once. The sixth byte is 0, or 255 by others.
+    while let Some(rest) = bytes.strip_prefix(b"Exif\0") {
+        bytes = rest.get(1..)?;
     }
+    in_tiff(bytes)
 }
 
 /// What XMP says, as an attribute or an element.

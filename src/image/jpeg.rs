@@ -145,6 +145,9 @@ impl<'a> Reader<'a> {
                 self.in_xmp = self.in_xmp.or_else(|| exif::in_xmp(segment.strip_prefix(XMP)?));
             }
             0xEE if segment.starts_with(b"Adobe") => self.adobe = segment.get(11).copied(),
+            0xF7 => {
+                return Err(unsupported("a JPEG-LS", "save it as baseline or progressive JPEG, or as PNG"));
+            }
             0xC3 => {
                 return Err(unsupported(
                     "a lossless JPEG",
@@ -281,11 +284,10 @@ impl<'a> Reader<'a> {
         }
         let mut chosen = Vec::with_capacity(n_parts);
         for &[id, tables] in entries.as_chunks::<2>().0 {
-            let of_id = |component: &Component| component.id == id;
-            let component_idx = frame.components.iter().position(of_id).ok_or_else(wrong)?;
-            if chosen.iter().any(|&(other, _)| other == component_idx) {
-                return Err(wrong());
-            }
+            // Some encoders give all one id: the first that is not taken is meant, as libjpeg-turbo reads it.
+            let is_free = |idx: usize| chosen.iter().all(|&(taken, _)| taken != idx);
+            let is_meant = |&idx: &usize| frame.components[idx].id == id && is_free(idx);
+            let component_idx = (0..frame.components.len()).find(is_meant).ok_or_else(wrong)?;
             chosen.push((component_idx, tables));
         }
         if chosen.is_empty() {

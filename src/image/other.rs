@@ -2,7 +2,7 @@
 
 use super::containers;
 use super::format::Format;
-use super::{Image, ImageError, Limits, check_size, damaged, luma_of, oriented};
+use super::{Image, ImageError, Limits, check_size, damaged, luma_of, oriented, unsupported};
 use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 use std::borrow::Cow;
@@ -37,7 +37,7 @@ pub(super) fn decode(bytes: &[u8], format: Format, limits: &Limits) -> Result<Im
     let mut decoder_limits = image::Limits::default();
     decoder_limits.max_alloc = Some(limits.max_memory);
     reader.limits(decoder_limits);
-    let decoder = reader.into_decoder().map_err(|error| damaged(&error.to_string()))?;
+    let decoder = reader.into_decoder().map_err(refused)?;
     let (width, height) = decoder.dimensions();
     let n_pixels = u64::from(width) * u64::from(height);
     // Decoded samples and luma.
@@ -46,11 +46,22 @@ pub(super) fn decode(bytes: &[u8], format: Format, limits: &Limits) -> Result<Im
     let color_type = decoder.color_type();
     let mut samples =
         vec![0; usize::try_from(decoder.total_bytes()).map_err(|_| damaged("it is too large"))?];
-    decoder.read_image(&mut samples).map_err(|error| damaged(&error.to_string()))?;
+    decoder.read_image(&mut samples).map_err(refused)?;
     let luma = luma(samples, color_type).ok_or_else(|| damaged("it has samples of an unknown kind"))?;
     let image =
         Image::from_pixels(width as usize, height as usize, luma).ok_or_else(|| damaged("missing pixels"))?;
     oriented(image, orientation.unwrap_or(Orientation::NoTransforms))
+}
+
+/// What a decoder's refusal is.
+fn refused(error: image::ImageError) -> ImageError {
+    match error {
+        image::ImageError::Unsupported(error) => {
+            unsupported(&format!("a picture of this kind ({error})"), "convert it to JPEG or PNG")
+        }
+        image::ImageError::Limits(error) => ImageError::TooLarge(error.to_string()),
+        error => damaged(&error.to_string()),
+    }
 }
 
 /// A plain PNM without its comments, which the decoder takes in the head alone.
