@@ -403,6 +403,15 @@ mod tests {
     }
 
     #[test]
+    fn quotes_that_quote_nothing_are_passed_over() {
+        let in_comment = "# by Ann, \"the boss\nfile,place\n1.jpg, \"hall\"\n2.jpg, \"kitchen\"\n";
+        assert_eq!(labels(in_comment), ["1.jpg:hall", "2.jpg:kitchen"]);
+        let inches = "file,note,place\n1.jpg, 6\"\" lens, \"hall\"\n2.jpg, none, \"kitchen\"\n";
+        assert_eq!(labels(inches), ["1.jpg:hall", "2.jpg:kitchen"]);
+        assert_eq!(labels("sep=\t\nfile\tplace\n1.jpg\thall\n"), ["1.jpg:hall"]);
+    }
+
+    #[test]
     fn what_is_wrong_with_the_whole_is_named() {
         let error = |text: &str| parsed(text).unwrap_err().to_string();
         let columns = error("# rooms\nfile,room\n1.jpg,hall");

@@ -59,9 +59,12 @@ class Service(RunningService, unittest.IsolatedAsyncioTestCase):
             bad = stream.answer(PATIENCE_S)
             assert isinstance(bad, Error), bad
             self.assertEqual((bad.seq, bad.problem.type), (0, "/problems/not-an-image"))
-            self.assertEqual(stream.send(self.frames[0]), 1)
+            with self.assertRaises(FileNotFoundError):
+                stream.send("no such file.jpg")
+            self.assertEqual(stream.send(self.frames[0]), 1, "what could not be sent took no number")
             good = stream.answer(PATIENCE_S)
             assert isinstance(good, Result), good
+            self.assertEqual(good.seq, 1)
             self.assertIsNone(good.filtered)
 
     def test_a_stream_goes_on_after_its_connection_broke(self) -> None:

@@ -79,6 +79,19 @@ fn folders_around_the_rooms_are_no_rooms() {
 }
 
 #[test]
+fn a_room_beside_one_without_a_picture_is_no_folder_around_rooms() {
+    let drives = ["kitchen/monday/1.jpg", "kitchen/tuesday/1.jpg"];
+    let heic = "hall/1.HEIC = \0\0\0\x18ftypheic\0\0\0\0mif1heic";
+    let set = tree(&[drives[0], drives[1], heic]);
+    assert_eq!(open(set.path()).unwrap().places(), ["kitchen"]);
+    let set = tree(&drives);
+    fs::create_dir(set.path().join("hall")).unwrap();
+    assert_eq!(open(set.path()).unwrap().places(), ["kitchen"]);
+    let set = tree(&["images/hall/1.jpg", "images/kitchen/1.jpg", "notes/1.txt"]);
+    assert_eq!(open(set.path()).unwrap().places(), ["hall", "kitchen"]);
+}
+
+#[test]
 fn a_single_room_that_a_model_knows_is_no_folder_around_rooms() {
     let set = tree(&["kitchen/monday/1.jpg", "kitchen/tuesday/1.jpg"]);
     let rooms = ["hall", "kitchen"].map(str::to_owned);

@@ -57,6 +57,16 @@ fn the_order_of_scans_changes_nothing() {
 }
 
 #[test]
+fn components_of_one_id_are_taken_in_their_order() {
+    let mut bytes = TOGETHER.to_vec();
+    let (frame, scan) = (marker(&bytes, 0xC0) + 10, marker(&bytes, 0xDA) + 5);
+    for idx in 0..3 {
+        (bytes[frame + 3 * idx], bytes[scan + 2 * idx]) = (1, 1);
+    }
+    assert_eq!(decoded(&bytes), decoded(TOGETHER));
+}
+
+#[test]
 fn tables_that_did_not_come_are_the_standard_ones() {
     assert_eq!(decoded(small!("full")), decoded(small!("full-without-tables")));
 }
