@@ -65,7 +65,6 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     if dataset.frames.is_empty() {
         bail!("{} holds no labeled frame that can be used", args.data.data.display());
     }
-    dataset.check_names(model.places())?;
     if args.filter.is_some() {
         stream::check(&dataset)?;
     }
