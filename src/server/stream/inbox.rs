@@ -1,9 +1,8 @@
 //! What a robot sends, put together from the pieces of its WebSocket, within limits on bytes, time and memory.
 
-use super::intake::{Intake, Lossless, Share, Yielding};
+use super::intake::{Intake, Lossless, Share, Whole, Yielding};
 use super::wire::{Broken, Decoder, Piece};
 use crate::protocol::header::Header;
-use crate::server::body::Frame;
 use crate::server::caller::CallerId;
 use bytes::BytesMut;
 use std::io;
@@ -70,7 +69,7 @@ pub struct Received {
     /// How long the message was, in bytes.
     pub n_bytes: usize,
     /// The message; none where there was no memory for it.
-    pub message: Option<Frame>,
+    pub message: Option<Whole>,
     /// Its share of what frames in the mode `lossless` may have.
     pub share: Option<Share>,
 }
@@ -267,8 +266,10 @@ impl Content {
             Self::Text(text) => text.finish(),
             Self::Frame { head, n_bytes, hold } => {
                 let (message, share) = match hold {
-                    Hold::Yielding(frame) => (frame.finish(), None),
-                    Hold::Lossless(frame) => frame.finish().unzip(),
+                    Hold::Yielding(frame) => (frame.is_here().then_some(Whole::Yielding(frame)), None),
+                    Hold::Lossless(frame) => {
+                        frame.finish().map(|(frame, share)| (Whole::Kept(frame), share)).unzip()
+                    }
                     Hold::Nowhere => (None, None),
                 };
                 Incoming::Frame(Box::new(Received { head, n_bytes, message, share }))
@@ -367,7 +368,7 @@ mod tests {
             line.theirs.write_all(&[5; 30_000]).await.unwrap();
             let Incoming::Frame(received) = line.receive(lossless).await else { panic!("no frame") };
             assert_eq!((received.n_bytes, received.head), (90_000, vec![5; Header::BYTES]));
-            assert_eq!(received.message.unwrap().bytes, vec![5; 90_000]);
+            assert_eq!(received.message.and_then(Whole::take).unwrap().bytes, vec![5; 90_000]);
             assert_eq!(received.share.is_some(), lossless);
             assert_eq!(line.memory.available_permits(), 4 * MAX_BYTES);
         }
@@ -385,7 +386,7 @@ mod tests {
         line.nothing(true).await;
         drop(all);
         let Incoming::Frame(received) = line.receive(true).await else { panic!("no frame") };
-        assert_eq!(received.message.unwrap().bytes, vec![5; 50_000]);
+        assert_eq!(received.message.and_then(Whole::take).unwrap().bytes, vec![5; 50_000]);
     }
 
     #[tokio::test]

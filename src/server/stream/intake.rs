@@ -144,6 +144,11 @@ impl Yielding {
         }
     }
 
+    /// Whether it has not given way.
+    pub fn is_here(&self) -> bool {
+        self.intake.shelf().parcels.contains_key(&self.id)
+    }
+
     /// The frame, which is whole; none where it has given way.
     pub fn finish(self) -> Option<Frame> {
         let Parcel { bytes, held, .. } = self.intake.shelf().remove(self.id)?;
@@ -154,6 +159,29 @@ impl Yielding {
 impl Drop for Yielding {
     fn drop(&mut self) {
         self.intake.shelf().remove(self.id);
+    }
+}
+
+/// A frame that is whole.
+pub enum Whole {
+    /// Nobody else may have its memory.
+    Kept(Frame),
+    /// It may have to give way until it is taken.
+    Yielding(Yielding),
+}
+
+impl Whole {
+    /// The same, of which nobody else may have the memory from now on; none where it has given way.
+    pub fn keep(self) -> Option<Self> {
+        self.take().map(Self::Kept)
+    }
+
+    /// The frame; none where it has given way.
+    pub fn take(self) -> Option<Frame> {
+        match self {
+            Self::Kept(frame) => Some(frame),
+            Self::Yielding(frame) => frame.finish(),
+        }
     }
 }
 

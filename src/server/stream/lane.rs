@@ -5,8 +5,7 @@
 //! others. Streams so take turns, frame by frame, and a frame can be superseded until the moment a thread
 //! takes it.
 
-use super::intake::Share;
-use crate::server::body::Frame;
+use super::intake::{Share, Whole};
 use crate::server::trace::FrameSpans;
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -20,8 +19,10 @@ pub struct Waiting {
     pub arrived: Instant,
     /// When nobody wants its answer any more.
     pub deadline: Option<Instant>,
-    /// Its bytes.
-    pub frame: Frame,
+    /// Its bytes, with the header where there is one.
+    pub frame: Whole,
+    /// How long that is, in bytes.
+    pub n_header_bytes: usize,
     /// Its share of what frames in the mode `lossless` may have.
     pub share: Option<Share>,
     /// Its trace.
@@ -106,14 +107,15 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::server::body::Frame;
     use std::sync::Arc;
     use tokio::sync::Semaphore;
 
     fn frame(seq: u64) -> Waiting {
         let held = Arc::new(Semaphore::new(1)).try_acquire_owned().unwrap();
-        let frame = Frame::new(vec![0].into(), held);
+        let frame = Whole::Kept(Frame::new(vec![0].into(), held));
         let (arrived, spans) = (Instant::now(), FrameSpans::begin(seq));
-        Waiting { seq, arrived, deadline: None, frame, share: None, spans }
+        Waiting { seq, arrived, deadline: None, frame, n_header_bytes: 0, share: None, spans }
     }
 
     fn taken(lane: &Lane) -> Option<u64> {

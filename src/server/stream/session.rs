@@ -5,6 +5,7 @@
 //! answers that it missed.
 
 use super::inbox::{Incoming, Received};
+use super::intake::Whole;
 use super::lane::{Lane, Waiting};
 use super::ledger::{Accepted, Ledger, Outcome};
 use super::settings;
@@ -310,13 +311,15 @@ impl Session {
         self.record.accepted();
         let n_bytes = n_bytes - n_header_bytes;
         self.ledger.accept(Accepted { seq, arrived, captured_at_ns, n_bytes });
+        // In the mode `sampled` it may wait for long, and may have to give way until then.
+        let is_kept = self.settings.mode != Mode::Sampled;
+        let message = if is_kept { message.and_then(Whole::keep) } else { message };
         match message {
             None => self.ledger.settle(seq, Outcome::Dropped(DropReason::Overload)),
             Some(_) if n_bytes == 0 => self.ledger.settle(seq, Outcome::Failed(BodyError::Empty.into())),
-            Some(message) => {
-                let frame = message.part(message.bytes.slice(n_header_bytes..));
+            Some(frame) => {
                 let (deadline, spans) = (self.deadline(arrived), FrameSpans::begin(seq));
-                self.wait(Waiting { seq, arrived, deadline, frame, share, spans });
+                self.wait(Waiting { seq, arrived, deadline, frame, n_header_bytes, share, spans });
             }
         }
         self.tell()
