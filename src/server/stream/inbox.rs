@@ -1,6 +1,6 @@
 //! What a robot sends, put together from the pieces of its WebSocket, within limits on bytes, time and memory.
 
-use super::intake::{Intake, Lossless, Share, Whole, Yielding};
+use super::intake::{Intake, Lossless, Room, Share, Whole, Yielding};
 use super::wire::{Broken, Decoder, Piece};
 use crate::protocol::header::Header;
 use crate::server::caller::CallerId;
@@ -37,6 +37,8 @@ pub struct Inbox {
     standstill: Duration,
     intake: Arc<Intake>,
     holder: CallerId,
+    /// The holder's room for frames in the mode `lossless`.
+    room: Arc<Room>,
     heard: Instant,
 }
 
@@ -102,6 +104,7 @@ impl Inbox {
             message: None,
             message_timeout: limits.message_timeout,
             standstill: STANDSTILL,
+            room: intake.room_of(&holder),
             intake,
             holder,
             heard: Instant::now(),
@@ -174,7 +177,7 @@ impl Inbox {
             if message.due <= Instant::now() {
                 return Err(Incoming::Slow);
             }
-            if self.intake.is_awaited() {
+            if self.room.is_awaited() || self.intake.room().is_awaited() {
                 return Err(Incoming::Stalled);
             }
             listened_since = Instant::now();
@@ -204,7 +207,7 @@ impl Inbox {
 
     fn hold(&self, most: usize, lossless: bool) -> Hold {
         if lossless {
-            Hold::Lossless(Box::new(Lossless::begin(&self.intake, most)))
+            Hold::Lossless(Box::new(Lossless::begin(&self.intake, self.room.clone(), most)))
         } else {
             Yielding::begin(&self.intake, &self.holder, most).map_or(Hold::Nowhere, Hold::Yielding)
         }
@@ -424,17 +427,26 @@ mod tests {
 
     #[tokio::test]
     async fn a_lossless_frame_that_stands_still_gives_its_room_to_those_who_wait() {
-        let mut line = line();
-        line.inbox.standstill = Duration::from_millis(1);
-        line.send(0x82, 90_000, b"the beginning").await;
-        line.nothing(true).await;
-        let mut others: Vec<_> = (0..2).map(|_| Lossless::begin(&line.inbox.intake, MAX_BYTES)).collect();
-        others[0].let_in().await;
-        tokio::select! {
-            biased;
-            () = others[1].let_in() => panic!("there is no room"),
-            incoming = line.inbox.receive(&mut line.ours, true) => {
-                assert!(matches!(incoming, Incoming::Stalled));
+        // Those who fill everybody's room, and one of the same caller.
+        for callers in [&["eve", "gort"][..], &["wall-e"]] {
+            let mut line = line();
+            line.inbox.standstill = Duration::from_millis(1);
+            line.send(0x82, 90_000, b"the beginning").await;
+            line.nothing(true).await;
+            let room = |name: &&str| line.inbox.intake.room_of(&CallerId::Robot((*name).into()));
+            let others =
+                callers.iter().map(|name| Lossless::begin(&line.inbox.intake, room(name), MAX_BYTES));
+            let mut others: Vec<_> = others.collect();
+            let mut last = others.pop().unwrap();
+            for other in &mut others {
+                other.let_in().await;
+            }
+            tokio::select! {
+                biased;
+                () = last.let_in() => panic!("there is no room"),
+                incoming = line.inbox.receive(&mut line.ours, true) => {
+                    assert!(matches!(incoming, Incoming::Stalled));
+                }
             }
         }
     }
