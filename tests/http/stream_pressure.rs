@@ -1,5 +1,6 @@
 //! Streams where memory is short: unfinished messages, and more frames than the service may hold.
 
+use crate::load::{one_thread, slow_frame};
 use crate::robot::{Heard, Robot, in_parts, raw};
 use crate::service::{SOON, Server, frame, pgm, success};
 use roomsight::protocol::stream::{DropReason, ServerMessage};
@@ -116,6 +117,29 @@ async fn lossless_streams_drop_nothing_where_more_comes_than_can_be_held() {
     }
     timeout(SOON, robots.join_all()).await.expect("all go on");
     assert_eq!(body_bytes(&server).await, 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_was_accepted_as_lossless_is_answered_in_another_mode() {
+    for change in [r#""mode": "latest""#, r#""mode": "sampled", "interval_ms": 3600000"#] {
+        let server = one_thread(4).await;
+        let mut robot = Robot::connect(&server, "?mode=lossless").await;
+        robot.send(slow_frame()).await;
+        for _ in 1..4 {
+            robot.send(frame()).await;
+        }
+        robot.say(&format!(r#"{{"type": "configure", {change}}}"#)).await;
+        robot.send(frame()).await;
+        let mut answered = Vec::new();
+        while answered.len() < 4 {
+            match robot.next().await {
+                ServerMessage::Result(result) => answered.push(result.seq),
+                ServerMessage::Configured { .. } => {}
+                other => panic!("{other:?}"),
+            }
+        }
+        assert_eq!(answered, [0, 1, 2, 3]);
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
