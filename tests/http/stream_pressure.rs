@@ -1,5 +1,6 @@
 //! Streams where memory is short: unfinished messages, and more frames than the service may hold.
 
+use crate::load::{one_thread, slow_frame};
 use crate::robot::{Heard, Robot, in_parts, raw};
 use crate::service::{SOON, Server, frame, pgm, success};
 use roomsight::protocol::stream::{DropReason, ServerMessage};
@@ -69,6 +70,29 @@ async fn unfinished_messages_are_counted_and_give_way_to_others() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn frames_that_wait_for_their_time_give_way_to_others() {
+    const N_STREAMS: usize = 8;
+    let server = holding(8).await;
+    let mut sampled = Vec::new();
+    for _ in 0..N_STREAMS {
+        let mut robot = Robot::connect(&server, "?robot=eve&mode=sampled&interval_ms=3600000").await;
+        robot.send(frame()).await;
+        assert!(matches!(robot.next().await, ServerMessage::Result(_)));
+        // Whole, and not looked at for an hour.
+        robot.send(vec![7; MAX_FRAME_BYTES]).await;
+        robot.say("no message, so that all before it has been read when this is answered").await;
+        while !matches!(robot.next().await, ServerMessage::Error { seq: None, .. }) {}
+        sampled.push(robot);
+    }
+    assert!(body_bytes(&server).await <= 2 * MAX_FRAME_BYTES, "all of them have a quarter");
+    for mode in ["latest", "lossless"] {
+        let mut polite = Robot::connect(&server, &format!("?robot=polite&mode={mode}")).await;
+        polite.send(large_frame(0)).await;
+        assert!(matches!(polite.next().await, ServerMessage::Result(_)));
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn lossless_streams_drop_nothing_where_more_comes_than_can_be_held() {
     const N_FRAMES: u64 = 12;
     // There is room for one frame at a time.
@@ -93,6 +117,29 @@ async fn lossless_streams_drop_nothing_where_more_comes_than_can_be_held() {
     }
     timeout(SOON, robots.join_all()).await.expect("all go on");
     assert_eq!(body_bytes(&server).await, 0);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_was_accepted_as_lossless_is_answered_in_another_mode() {
+    for change in [r#""mode": "latest""#, r#""mode": "sampled", "interval_ms": 3600000"#] {
+        let server = one_thread(4).await;
+        let mut robot = Robot::connect(&server, "?mode=lossless").await;
+        robot.send(slow_frame()).await;
+        for _ in 1..4 {
+            robot.send(frame()).await;
+        }
+        robot.say(&format!(r#"{{"type": "configure", {change}}}"#)).await;
+        robot.send(frame()).await;
+        let mut answered = Vec::new();
+        while answered.len() < 4 {
+            match robot.next().await {
+                ServerMessage::Result(result) => answered.push(result.seq),
+                ServerMessage::Configured { .. } => {}
+                other => panic!("{other:?}"),
+            }
+        }
+        assert_eq!(answered, [0, 1, 2, 3]);
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -231,6 +231,9 @@ impl<J> FairQueue<J> {
                 .filter(|it| it.n_held > n_held && (it.n_frames > 0 || !must_push_out))
                 .max_by_key(|it| it.n_held);
             match with_most {
+                // Turns are never refused, so that they can fill the queue by themselves: there are still slots, and
+                // who has nothing in the queue gets one as a stream gets its turn.
+                None if !must_push_out && n_held == 1 => break,
                 None => return Err(Refusal::Full),
                 Some(holder) if holder.n_frames > 0 => {
                     holder.n_held -= 1;

@@ -1,9 +1,8 @@
 //! What a robot sends, put together from the pieces of its WebSocket, within limits on bytes, time and memory.
 
-use super::intake::{Intake, Lossless, Share, Yielding};
+use super::intake::{Intake, Lossless, Room, Share, Whole, Yielding};
 use super::wire::{Broken, Decoder, Piece};
 use crate::protocol::header::Header;
-use crate::server::body::Frame;
 use crate::server::caller::CallerId;
 use bytes::BytesMut;
 use std::io;
@@ -38,6 +37,8 @@ pub struct Inbox {
     standstill: Duration,
     intake: Arc<Intake>,
     holder: CallerId,
+    /// The holder's room for frames in the mode `lossless`.
+    room: Arc<Room>,
     heard: Instant,
 }
 
@@ -70,7 +71,7 @@ pub struct Received {
     /// How long the message was, in bytes.
     pub n_bytes: usize,
     /// The message; none where there was no memory for it.
-    pub message: Option<Frame>,
+    pub message: Option<Whole>,
     /// Its share of what frames in the mode `lossless` may have.
     pub share: Option<Share>,
 }
@@ -103,6 +104,7 @@ impl Inbox {
             message: None,
             message_timeout: limits.message_timeout,
             standstill: STANDSTILL,
+            room: intake.room_of(&holder),
             intake,
             holder,
             heard: Instant::now(),
@@ -175,7 +177,7 @@ impl Inbox {
             if message.due <= Instant::now() {
                 return Err(Incoming::Slow);
             }
-            if self.intake.is_awaited() {
+            if self.room.is_awaited() || self.intake.room().is_awaited() {
                 return Err(Incoming::Stalled);
             }
             listened_since = Instant::now();
@@ -205,7 +207,7 @@ impl Inbox {
 
     fn hold(&self, most: usize, lossless: bool) -> Hold {
         if lossless {
-            Hold::Lossless(Box::new(Lossless::begin(&self.intake, most)))
+            Hold::Lossless(Box::new(Lossless::begin(&self.intake, self.room.clone(), most)))
         } else {
             Yielding::begin(&self.intake, &self.holder, most).map_or(Hold::Nowhere, Hold::Yielding)
         }
@@ -267,8 +269,10 @@ impl Content {
             Self::Text(text) => text.finish(),
             Self::Frame { head, n_bytes, hold } => {
                 let (message, share) = match hold {
-                    Hold::Yielding(frame) => (frame.finish(), None),
-                    Hold::Lossless(frame) => frame.finish().unzip(),
+                    Hold::Yielding(frame) => (frame.is_here().then_some(Whole::Yielding(frame)), None),
+                    Hold::Lossless(frame) => {
+                        frame.finish().map(|(frame, share)| (Whole::Kept(frame), share)).unzip()
+                    }
                     Hold::Nowhere => (None, None),
                 };
                 Incoming::Frame(Box::new(Received { head, n_bytes, message, share }))
@@ -367,7 +371,7 @@ mod tests {
             line.theirs.write_all(&[5; 30_000]).await.unwrap();
             let Incoming::Frame(received) = line.receive(lossless).await else { panic!("no frame") };
             assert_eq!((received.n_bytes, received.head), (90_000, vec![5; Header::BYTES]));
-            assert_eq!(received.message.unwrap().bytes, vec![5; 90_000]);
+            assert_eq!(received.message.and_then(Whole::take).unwrap().bytes, vec![5; 90_000]);
             assert_eq!(received.share.is_some(), lossless);
             assert_eq!(line.memory.available_permits(), 4 * MAX_BYTES);
         }
@@ -385,7 +389,7 @@ mod tests {
         line.nothing(true).await;
         drop(all);
         let Incoming::Frame(received) = line.receive(true).await else { panic!("no frame") };
-        assert_eq!(received.message.unwrap().bytes, vec![5; 50_000]);
+        assert_eq!(received.message.and_then(Whole::take).unwrap().bytes, vec![5; 50_000]);
     }
 
     #[tokio::test]
@@ -423,17 +427,26 @@ mod tests {
 
     #[tokio::test]
     async fn a_lossless_frame_that_stands_still_gives_its_room_to_those_who_wait() {
-        let mut line = line();
-        line.inbox.standstill = Duration::from_millis(1);
-        line.send(0x82, 90_000, b"the beginning").await;
-        line.nothing(true).await;
-        let mut others: Vec<_> = (0..2).map(|_| Lossless::begin(&line.inbox.intake, MAX_BYTES)).collect();
-        others[0].let_in().await;
-        tokio::select! {
-            biased;
-            () = others[1].let_in() => panic!("there is no room"),
-            incoming = line.inbox.receive(&mut line.ours, true) => {
-                assert!(matches!(incoming, Incoming::Stalled));
+        // Those who fill everybody's room, and one of the same caller.
+        for callers in [&["eve", "gort"][..], &["wall-e"]] {
+            let mut line = line();
+            line.inbox.standstill = Duration::from_millis(1);
+            line.send(0x82, 90_000, b"the beginning").await;
+            line.nothing(true).await;
+            let room = |name: &&str| line.inbox.intake.room_of(&CallerId::Robot((*name).into()));
+            let others =
+                callers.iter().map(|name| Lossless::begin(&line.inbox.intake, room(name), MAX_BYTES));
+            let mut others: Vec<_> = others.collect();
+            let mut last = others.pop().unwrap();
+            for other in &mut others {
+                other.let_in().await;
+            }
+            tokio::select! {
+                biased;
+                () = last.let_in() => panic!("there is no room"),
+                incoming = line.inbox.receive(&mut line.ours, true) => {
+                    assert!(matches!(incoming, Incoming::Stalled));
+                }
             }
         }
     }

@@ -4,7 +4,7 @@
 //! modes that may drop frames it is the largest frame of the caller who holds most. In the mode `lossless`
 //! nothing gives way, so that a frame is not begun before there is room for all of it: these frames are let in
 //! in the order in which they came, and have half of the memory at most, so that they never hold each other up,
-//! nor the others.
+//! nor the others. One caller has half of that, since a frame may come in as slowly as its sender likes.
 
 use crate::server::body::Frame;
 use crate::server::caller::CallerId;
@@ -12,7 +12,7 @@ use bytes::BytesMut;
 use std::collections::BTreeMap;
 use std::future::poll_fn;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio_util::sync::PollSemaphore;
 
@@ -24,10 +24,11 @@ const FIRST_BYTES: usize = 256 << 10;
 pub struct Intake {
     /// One permit for each byte that may be held, by streams and others.
     memory: Arc<Semaphore>,
-    /// One permit for each byte that frames in the mode `lossless` may have.
-    room: Arc<Semaphore>,
-    /// How many frames wait to be let in.
-    n_waiting: Arc<AtomicUsize>,
+    /// What all frames in the mode `lossless` may have.
+    room: Arc<Room>,
+    /// What those of one caller may have of it, for each caller that is connected or has some.
+    rooms: Mutex<BTreeMap<CallerId, Weak<Room>>>,
+    max_room_a_caller: usize,
     shelf: Mutex<Shelf>,
     /// The most bytes on the shelf.
     max_shelf: usize,
@@ -53,16 +54,28 @@ impl Intake {
         let share = |divisor: usize| (max_buffered_bytes / divisor).max(max_frame_bytes);
         Self {
             memory,
-            room: Arc::new(Semaphore::new(share(2))),
-            n_waiting: Arc::default(),
+            room: Arc::new(Room::new(share(2))),
+            rooms: Mutex::default(),
+            max_room_a_caller: share(4),
             shelf: Mutex::default(),
             max_shelf: share(4),
         }
     }
 
-    /// Whether a frame in the mode `lossless` waits until others make room.
-    pub fn is_awaited(&self) -> bool {
-        self.n_waiting.load(Ordering::Relaxed) > 0
+    /// The room for frames of all callers.
+    pub fn room(&self) -> &Room {
+        &self.room
+    }
+
+    /// The room for frames of one caller: the same for as long as anybody has it.
+    pub fn room_of(&self, holder: &CallerId) -> Arc<Room> {
+        let mut rooms = self.rooms.lock().unwrap_or_else(PoisonError::into_inner);
+        rooms.retain(|_, room| room.strong_count() > 0);
+        rooms.get(holder).and_then(Weak::upgrade).unwrap_or_else(|| {
+            let room = Arc::new(Room::new(self.max_room_a_caller));
+            rooms.insert(holder.clone(), Arc::downgrade(&room));
+            room
+        })
     }
 
     fn shelf(&self) -> MutexGuard<'_, Shelf> {
@@ -84,6 +97,25 @@ impl Intake {
                 return None;
             }
         }
+    }
+}
+
+/// Room for frames in the mode `lossless`.
+pub struct Room {
+    /// One permit for each byte.
+    bytes: Arc<Semaphore>,
+    /// How many frames wait to be let in.
+    n_waiting: AtomicUsize,
+}
+
+impl Room {
+    fn new(n_bytes: usize) -> Self {
+        Self { bytes: Arc::new(Semaphore::new(n_bytes)), n_waiting: AtomicUsize::new(0) }
+    }
+
+    /// Whether a frame waits until others leave.
+    pub fn is_awaited(&self) -> bool {
+        self.n_waiting.load(Ordering::Relaxed) > 0
     }
 }
 
@@ -144,6 +176,11 @@ impl Yielding {
         }
     }
 
+    /// Whether it has not given way.
+    pub fn is_here(&self) -> bool {
+        self.intake.shelf().parcels.contains_key(&self.id)
+    }
+
     /// The frame, which is whole; none where it has given way.
     pub fn finish(self) -> Option<Frame> {
         let Parcel { bytes, held, .. } = self.intake.shelf().remove(self.id)?;
@@ -157,13 +194,38 @@ impl Drop for Yielding {
     }
 }
 
+/// A frame that is whole.
+pub enum Whole {
+    /// Nobody else may have its memory.
+    Kept(Frame),
+    /// It may have to give way until it is taken.
+    Yielding(Yielding),
+}
+
+impl Whole {
+    /// The same, of which nobody else may have the memory from now on; none where it has given way.
+    pub fn keep(self) -> Option<Self> {
+        self.take().map(Self::Kept)
+    }
+
+    /// The frame; none where it has given way.
+    pub fn take(self) -> Option<Frame> {
+        match self {
+            Self::Kept(frame) => Some(frame),
+            Self::Yielding(frame) => frame.finish(),
+        }
+    }
+}
+
 /// A frame under way in the mode `lossless`.
 pub struct Lossless {
     intake: Arc<Intake>,
-    room: PollSemaphore,
+    /// In its caller's room, for which it waits first, so that only its own caller's frames wait behind it.
+    own: Place,
+    /// In everybody's room.
+    shared: Place,
     memory: PollSemaphore,
     most: usize,
-    share: Option<OwnedSemaphorePermit>,
     held: Option<OwnedSemaphorePermit>,
     bytes: Vec<u8>,
     /// What arrived and waits for memory.
@@ -172,18 +234,47 @@ pub struct Lossless {
 
 /// A frame's share of what frames in the mode `lossless` may have, given back when it has been looked at.
 pub struct Share {
-    _room: OwnedSemaphorePermit,
+    _own: Place,
+    _shared: Place,
+}
+
+/// A frame's place in a room, or in line for it.
+struct Place {
+    room: Arc<Room>,
+    line: PollSemaphore,
+    taken: Option<OwnedSemaphorePermit>,
+}
+
+impl Place {
+    fn begin(room: Arc<Room>) -> Self {
+        Self { line: PollSemaphore::new(room.bytes.clone()), room, taken: None }
+    }
+
+    /// Waits until there is room for so many bytes.
+    async fn let_in(&mut self, n_bytes: usize) {
+        if self.taken.is_none() {
+            let _waits = Waits::begin(&self.room.n_waiting);
+            self.taken = acquire(&mut self.line, n_bytes).await;
+        }
+    }
+
+    /// Leaves all but so many bytes.
+    fn shrink(&mut self, n_bytes: usize) {
+        if let Some(taken) = &mut self.taken {
+            drop(taken.split(taken.num_permits().saturating_sub(n_bytes)));
+        }
+    }
 }
 
 impl Lossless {
-    /// A frame that will have at most so many bytes.
-    pub fn begin(intake: &Arc<Intake>, most: usize) -> Self {
+    /// A frame that will have at most so many bytes, of a caller with this room.
+    pub fn begin(intake: &Arc<Intake>, own: Arc<Room>, most: usize) -> Self {
         Self {
-            room: PollSemaphore::new(intake.room.clone()),
+            own: Place::begin(own),
+            shared: Place::begin(intake.room.clone()),
             memory: PollSemaphore::new(intake.memory.clone()),
             intake: intake.clone(),
             most,
-            share: None,
             held: None,
             bytes: Vec::new(),
             waiting: BytesMut::new(),
@@ -197,16 +288,14 @@ impl Lossless {
 
     /// Whether it must be let in before anything else is done with it.
     pub fn is_waiting(&self) -> bool {
-        self.share.is_none() || !self.waiting.is_empty()
+        self.shared.taken.is_none() || !self.waiting.is_empty()
     }
 
     /// Waits until there is room for the frame, and memory for what arrived. Its place in line is kept when the
     /// future is dropped.
     pub async fn let_in(&mut self) {
-        if self.share.is_none() {
-            let _waits = Waits::begin(&self.intake.n_waiting);
-            self.share = acquire(&mut self.room, self.most).await;
-        }
+        self.own.let_in(self.most).await;
+        self.shared.let_in(self.most).await;
         if self.waiting.is_empty() {
             return;
         }
@@ -226,14 +315,14 @@ impl Lossless {
 
     /// The frame, which is whole, and its share.
     pub fn finish(mut self) -> Option<(Frame, Share)> {
-        let mut room = self.share.take()?;
         // What came in several parts was let in as if it were as long as it may be.
-        drop(room.split(room.num_permits() - self.bytes.len().min(room.num_permits())));
+        self.own.shrink(self.bytes.len());
+        self.shared.shrink(self.bytes.len());
         let held = match self.held.take() {
             Some(held) => held,
             None => self.intake.memory.clone().try_acquire_many_owned(0).ok()?,
         };
-        Some((Frame::new(self.bytes.into(), held), Share { _room: room }))
+        Some((Frame::new(self.bytes.into(), held), Share { _own: self.own, _shared: self.shared }))
     }
 }
 
@@ -322,14 +411,15 @@ mod tests {
         assert_eq!((intake.memory.available_permits(), intake.shelf().n_bytes), (MAX_BUFFERED_BYTES, 0));
     }
 
-    fn lossless(intake: &Arc<Intake>, most: usize) -> Lossless {
-        Lossless::begin(intake, most)
+    fn lossless(intake: &Arc<Intake>, name: &str, most: usize) -> Lossless {
+        Lossless::begin(intake, intake.room_of(&CallerId::Robot(name.into())), most)
     }
 
     #[test]
     fn lossless_frames_are_let_in_in_their_order_and_only_where_all_of_one_fits() {
         let intake = intake();
-        let mut frames: Vec<_> = [900, 900, 900, 100].map(|most| lossless(&intake, most)).into();
+        let frames = [("a", 900), ("b", 900), ("c", 900), ("d", 100)];
+        let mut frames: Vec<_> = frames.map(|(name, most)| lossless(&intake, name, most)).into();
         let is_in: Vec<bool> =
             frames.iter_mut().map(|frame| frame.let_in().now_or_never().is_some()).collect();
         assert_eq!(
@@ -347,7 +437,24 @@ mod tests {
         assert!(frames[2].let_in().now_or_never().is_some());
         drop(frames);
         assert_eq!(intake.memory.available_permits(), MAX_BUFFERED_BYTES);
-        assert_eq!(intake.room.available_permits(), MAX_BUFFERED_BYTES / 2);
+        assert_eq!(intake.room.bytes.available_permits(), MAX_BUFFERED_BYTES / 2);
+    }
+
+    #[test]
+    fn one_caller_has_half_of_the_room_and_waits_for_itself_alone() {
+        let intake = intake();
+        let mut eve: Vec<_> = (0..3).map(|_| lossless(&intake, "eve", 600)).collect();
+        let is_in: Vec<bool> = eve.iter_mut().map(|frame| frame.let_in().now_or_never().is_some()).collect();
+        assert_eq!(is_in, [true, false, false]);
+        let mut wall_e = lossless(&intake, "wall-e", 1000);
+        assert!(wall_e.let_in().now_or_never().is_some());
+        let (_, share) = eve.remove(0).finish().unwrap();
+        assert!(eve[0].let_in().now_or_never().is_some(), "it kept only what it has, which is nothing");
+        let room = Arc::downgrade(&eve[0].own.room);
+        drop(eve);
+        assert!(room.strong_count() > 0, "its share is still there");
+        drop((share, wall_e));
+        assert_eq!((room.strong_count(), intake.room.bytes.available_permits()), (0, MAX_BUFFERED_BYTES / 2));
     }
 
     #[test]
@@ -355,11 +462,11 @@ mod tests {
         let intake = intake();
         let bodies = intake.memory.clone().try_acquire_many_owned(3000).unwrap();
         let eve = yielding(&intake, "eve", 900);
-        let mut frame = lossless(&intake, 1000);
+        let mut frame = lossless(&intake, "wall-e", 1000);
         frame.push(vec![1; 1000][..].into());
         assert!(frame.let_in().now_or_never().is_some());
         assert_eq!(length(eve.finish()), None);
-        let mut second = lossless(&intake, 10);
+        let mut second = lossless(&intake, "wall-f", 10);
         second.push(vec![1; 10][..].into());
         assert!(second.let_in().now_or_never().is_none());
         assert!(second.is_waiting());

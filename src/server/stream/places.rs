@@ -53,7 +53,10 @@ impl Places {
         let is_own = |other: &Place| other.holder == place.holder;
         let n_own = taken.values().filter(|other| is_own(other)).count();
         if n_own >= self.max_of_one {
-            give_up_first(&mut taken, is_own).ok_or(NoPlace::Share)?;
+            // Whose share is all of them need not hear of shares.
+            let has_all = self.max_of_one >= self.max_streams;
+            let why = if has_all { NoPlace::Full } else { NoPlace::Share };
+            give_up_first(&mut taken, is_own).ok_or(why)?;
         } else if taken.len() >= self.max_streams {
             give_up_first(&mut taken, |_| true).ok_or(NoPlace::Full)?;
         }
@@ -148,6 +151,15 @@ mod tests {
         take(&places, "4", "eve").unwrap();
         assert!(given_up.is_cancelled());
         assert_eq!(places.records().len(), 3);
+    }
+
+    #[test]
+    fn who_may_have_all_places_hears_that_they_are_taken() {
+        for n_places in 0..2 {
+            let places = Places::new(n_places, n_places);
+            (0..n_places).for_each(|_| drop(take(&places, "1", "eve").unwrap()));
+            assert_eq!(take(&places, "2", "eve").err(), Some(NoPlace::Full));
+        }
     }
 
     #[test]

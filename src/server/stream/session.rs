@@ -5,6 +5,7 @@
 //! answers that it missed.
 
 use super::inbox::{Incoming, Received};
+use super::intake::Whole;
 use super::lane::{Lane, Waiting};
 use super::ledger::{Accepted, Ledger, Outcome};
 use super::settings;
@@ -25,7 +26,6 @@ use crate::server::problem::Problem;
 use crate::server::registry::Choice;
 use crate::server::robots::Record;
 use crate::server::trace::FrameSpans;
-use std::io;
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -161,8 +161,9 @@ impl Session {
         // Nobody is left to hear of them.
         self.lane.clear();
         arrivals.close();
+        let why = if self.app.stopping.is_cancelled() { Close::Draining } else { Close::GivenUp };
         while let Ok(late) = arrivals.try_recv() {
-            self.app.streams.spawn(late.socket.close(Close::GivenUp));
+            self.app.streams.spawn(late.socket.close(why));
         }
     }
 
@@ -218,7 +219,7 @@ impl Session {
                     Vec::new()
                 }
             };
-            if let Err(error) = say(&mut socket, said).await {
+            if let Err(error) = socket.say(said).await {
                 tracing::debug!(%error, "a stream lost its connection");
                 return End::Lost;
             }
@@ -257,7 +258,7 @@ impl Session {
         let mut said = vec![text(&ServerMessage::Draining)];
         said.extend(self.tell());
         loop {
-            if say(&mut socket, said).await.is_err() {
+            if socket.say(said).await.is_err() {
                 return End::Closed;
             }
             if self.ledger.len() == 0 {
@@ -276,6 +277,7 @@ impl Session {
         let returned = async {
             loop {
                 tokio::select! {
+                    biased;
                     () = app.stopping.cancelled() => return None,
                     () = self.given_up.cancelled() => return None,
                     () = app.keyring.revoked(record.key(), || record.name().robot) => return None,
@@ -310,13 +312,15 @@ impl Session {
         self.record.accepted();
         let n_bytes = n_bytes - n_header_bytes;
         self.ledger.accept(Accepted { seq, arrived, captured_at_ns, n_bytes });
+        // In the mode `sampled` it may wait for long, and may have to give way until then.
+        let is_kept = self.settings.mode != Mode::Sampled;
+        let message = if is_kept { message.and_then(Whole::keep) } else { message };
         match message {
             None => self.ledger.settle(seq, Outcome::Dropped(DropReason::Overload)),
             Some(_) if n_bytes == 0 => self.ledger.settle(seq, Outcome::Failed(BodyError::Empty.into())),
-            Some(message) => {
-                let frame = message.part(message.bytes.slice(n_header_bytes..));
+            Some(frame) => {
                 let (deadline, spans) = (self.deadline(arrived), FrameSpans::begin(seq));
-                self.wait(Waiting { seq, arrived, deadline, frame, share, spans });
+                self.wait(Waiting { seq, arrived, deadline, frame, n_header_bytes, share, spans });
             }
         }
         self.tell()
@@ -355,14 +359,14 @@ impl Session {
 
     /// In the mode `sampled`: when the frame that waits may queue.
     fn look_at(&self) -> Option<Instant> {
-        let is_held = self.settings.mode == Mode::Sampled && self.lane.wants_place();
+        let is_held = self.settings.mode == Mode::Sampled && self.lane.may_rest();
         is_held.then_some(self.next_look)
     }
 
     /// Takes the stream's place in the queue, if it is time, the place is free and something waits.
     fn queue(&mut self) {
-        let is_too_early = self.look_at().is_some_and(|look_at| look_at > Instant::now());
-        if is_too_early || !self.lane.claim_place() {
+        let is_early = self.settings.mode == Mode::Sampled && self.next_look > Instant::now();
+        if !self.lane.claim_place(is_early) {
             return;
         }
         if let Some(interval) = self.settings.interval_ms {
@@ -479,15 +483,6 @@ impl Session {
             rooms: self.teller.rooms().to_vec(),
         }))
     }
-}
-
-/// Answers a ping, and says what there is to say.
-async fn say(socket: &mut Socket, said: Vec<Utf8Bytes>) -> io::Result<()> {
-    socket.answer_ping().await?;
-    for message in said {
-        socket.send(message).await?;
-    }
-    Ok(())
 }
 
 /// A message as it is sent.

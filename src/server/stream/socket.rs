@@ -129,15 +129,18 @@ impl Socket {
         self.farewell = farewell;
     }
 
-    /// Answers the last ping, if it has no answer.
+    /// Answers the last ping, if it has no answer, and sends what there is to say.
     ///
     /// # Errors
     /// As [`Socket::send`].
-    pub async fn answer_ping(&mut self) -> io::Result<()> {
-        match self.ping.take() {
-            Some(payload) => self.write(Frame::pong(payload)).await,
-            None => Ok(()),
+    pub async fn say(&mut self, said: Vec<Utf8Bytes>) -> io::Result<()> {
+        if let Some(payload) = self.ping.take() {
+            self.write(Frame::pong(payload)).await?;
         }
+        for text in said {
+            self.send(text).await?;
+        }
+        Ok(())
     }
 
     /// Sends a text.

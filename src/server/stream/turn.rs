@@ -45,13 +45,16 @@ impl Turn {
         for seq in expired {
             let _ = self.newsroom.send(News::Settled(seq, Outcome::Dropped(DropReason::Deadline)));
         }
-        let Some((Waiting { seq, arrived, deadline, frame, share, spans }, served)) = frame else { return };
+        let Some((waiting, served)) = frame else { return };
+        let Waiting { seq, arrived, deadline, frame, n_header_bytes, share, spans } = waiting;
         let span = spans.taken();
         let queue = arrived.elapsed();
         let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
-        verdict.outcome = Some(match served {
-            Err(error) => Outcome::Failed(error.into()),
-            Ok(served) => {
+        verdict.outcome = Some(match (served, frame.take()) {
+            (_, None) => Outcome::Dropped(DropReason::Overload),
+            (Err(error), _) => Outcome::Failed(error.into()),
+            (Ok(served), Some(frame)) => {
+                let frame = frame.part(frame.bytes.slice(n_header_bytes..));
                 let task = Task { served, deadline, explain: false, transport: Transport::Stream };
                 span.in_scope(|| see(&self.app, frame, task, queue))
             }

@@ -118,6 +118,9 @@ class Client(Closing):
                         # Images are compressed already.
                         compression=None,
                         open_timeout=PATIENCE_S,
+                        # An answer to a ping waits behind our own frame on a slow link, or while the service holds
+                        # us back, so that one that is late tells of no fault. The service asks by itself.
+                        ping_timeout=None,
                         ssl=self._ssl,
                     )
                 )

@@ -147,7 +147,12 @@ fn a_turn_counts_but_cannot_be_pushed_out() {
     for stream in ["a", "b", "c", "d"] {
         one_each.push_turn(&robot(stream), 0);
     }
-    assert_eq!(one_each.has_room(&robot("e"), 1), Err(Refusal::Full), "all have as much as it would have");
+    assert_eq!(one_each.has_room(&robot("e"), 1), Ok(()), "a frame is as good as a turn");
+    assert_eq!(one_each.has_room(&robot("e"), 2), Err(Refusal::Full), "all have less than it would have");
+    for caller in ["e", "f", "g", "h"] {
+        assert_eq!(one_each.admit(&robot(caller), 1), Ok(Vec::new()));
+    }
+    assert_eq!(one_each.has_room(&robot("i"), 1), Err(Refusal::Full), "no slot is left");
 }
 
 #[test]
