@@ -371,9 +371,9 @@ fn body_of(model: &Path) -> io::Result<Vec<u8>> {
     Ok(body)
 }
 
-/// The highest version that a model has.
+/// The highest version that a model has, or had: a number that was used serves no more by itself.
 fn highest_version(model: &ModelInfo) -> u64 {
-    model.versions.iter().map(|version| version.version).max().unwrap_or(0)
+    model.versions.iter().map(|version| version.version).max().unwrap_or(0).max(model.settled)
 }
 
 fn tell<T: Serialize>(

@@ -189,6 +189,9 @@ pub struct ModelInfo {
     pub serving: Option<u64>,
     /// How often what serves was changed; also the `ETag`, which `If-Match` is compared with.
     pub epoch: u64,
+    /// The highest version that ever had a label; it may be gone.
+    #[serde(default)]
+    pub settled: u64,
     /// Its versions, the highest first.
     pub versions: Vec<VersionInfo>,
 }

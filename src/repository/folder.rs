@@ -88,7 +88,8 @@ impl Folder {
 
     pub(super) fn stage(&self) -> Result<TempDir, RepositoryError> {
         // The folder may be another one than that which was opened.
-        if let Some(shared) = open_lock(&self.root).filter(|file| file.lock_shared().is_ok()) {
+        let shared = open_lock(&self.root.join(LOCK_FILE)).ok();
+        if let Some(shared) = shared.filter(|file| file.lock_shared().is_ok()) {
             *self.lock.lock().unwrap_or_else(PoisonError::into_inner) = Some(shared);
         }
         stage_in(&self.root)
@@ -113,8 +114,15 @@ impl Folder {
         let path = self.fetch(id)?;
         let folder = self.root.join(&id.name);
         let grave = stage_in(&folder)?;
+        let lock = wait_for_lock(&folder.join(LOCK_FILE))?;
+        // Another process may have given it a label since its caller looked.
+        let record = read_record(&folder.join(RECORD_FILE))?;
+        if record.without(id.version).is_err() {
+            return Err(RepositoryError::Overtaken { name: id.name.clone(), epoch: record.epoch });
+        }
         // Of a link, the link alone.
         fs::rename(&path, grave.path().join(&id.name)).map_err(io_error(&path))?;
+        drop(lock);
         sync(&folder)?;
         if let Err(error) = grave.close() {
             tracing::warn!(version = %id, %error, "is deleted, but takes room until the next start");
@@ -203,9 +211,9 @@ fn version(name: &str, path: &Path) -> Result<(u64, Fingerprint), String> {
 /// Locks the repository, and cleans it where nobody else has it open. A folder that cannot be written, or
 /// lies where there are no locks, is not cleaned.
 fn lock(root: &Path) -> io::Result<Option<File>> {
-    let Some(file) = open_lock(root) else { return Ok(None) };
+    let Ok(file) = open_lock(&root.join(LOCK_FILE)) else { return Ok(None) };
     if file.try_lock().is_ok() {
-        clean(root)?;
+        let _ = clean(root);
         for Entry { path, .. } in visible(root)? {
             // What cannot be cleaned only takes room.
             let _ = clean(&path);
@@ -215,9 +223,10 @@ fn lock(root: &Path) -> io::Result<Option<File>> {
     Ok(file.lock_shared().is_ok().then_some(file))
 }
 
-/// The file of a repository's lock; none where nothing can be written.
-fn open_lock(root: &Path) -> Option<File> {
-    File::options().create(true).append(true).open(root.join(LOCK_FILE)).ok()
+/// The file of a lock. One that another user has made may only be read, which is enough to lock it.
+fn open_lock(path: &Path) -> io::Result<File> {
+    let writable = File::options().create(true).append(true).open(path);
+    writable.or_else(|error| File::open(path).map_err(|_| error))
 }
 
 /// Removes the unfinished folders in a folder.
@@ -233,7 +242,7 @@ fn clean(folder: &Path) -> io::Result<()> {
 
 /// Lets other processes wait until a small file is read and written, where there are locks.
 fn wait_for_lock(path: &Path) -> Result<File, RepositoryError> {
-    let file = File::options().create(true).append(true).open(path).map_err(io_error(path))?;
+    let file = open_lock(path).map_err(io_error(path))?;
     let _ = file.lock();
     Ok(file)
 }

@@ -109,6 +109,7 @@ impl ModelInfo {
             default: registry.default_name().as_deref() == Some(name),
             serving: serving.stable.as_ref().map(|served| served.version),
             epoch: entry.record.epoch,
+            settled: entry.record.settled,
             versions: versions.map(|(&number, version)| VersionInfo::new(number, version, serving)).collect(),
         }
     }

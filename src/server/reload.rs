@@ -1,5 +1,6 @@
 //! What changes without a restart: keys and certificates.
 
+use super::tls::Tls;
 use super::{App, Settings, SettingsError, TlsError};
 
 /// What a reload has done.
@@ -39,7 +40,7 @@ impl App {
         }
         let waiting = self.settings.changes_to(fresh)?;
         self.keyring.replace(&fresh.keys);
-        let tls = self.tls.as_ref().map(|tls| tls.reload_asked());
+        let tls = self.tls.as_ref().map(Tls::reload_asked);
         Ok(Reloaded { n_keys: fresh.keys.len(), tls, waiting })
     }
 }

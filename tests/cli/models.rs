@@ -77,6 +77,8 @@ fn walk(place: &[&str]) {
     let table = done(&[&["models"], place, &["show", "lab/1"]].concat());
     assert!(table.contains("trained on") && table.contains("dots"), "{table}");
     assert!(done(&[&["models"], place, &["list"]].concat()).contains("stable"));
+    // 3 was canary, and is gone: no other version gets its number.
+    assert_eq!(step(&["push", &model, "lab"])["version"], 4);
 }
 
 #[test]
@@ -102,6 +104,9 @@ fn a_second_model_is_not_the_default_and_an_archive_can_be_pushed() {
     assert_eq!(defaults(&models(&place, &["list"])), [false, true], "annex, lab");
     models(&place, &["default", "annex"]);
     assert_eq!(defaults(&models(&place, &["list"])), [true, false]);
+    // What is published is there, whatever the file of the default model says.
+    fs::write(path(&folder, "models/default.json"), "{").unwrap();
+    assert_eq!(models(&place, &["push", &archive, "annex"])["version"], 2);
 }
 
 /// Kills the service when the test ends.

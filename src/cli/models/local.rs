@@ -61,7 +61,10 @@ impl Local {
             None => self.next_version(&before, name)?,
         };
         self.0.publish(&id, staged)?;
-        self.settle_default(&before, name)?;
+        if let Err(error) = self.settle_default(&before, name) {
+            // The version is there nevertheless.
+            eprintln!("which model is the default is not written down: {error:#}");
+        }
         Ok(id)
     }
 
@@ -193,6 +196,7 @@ fn model_info(name: &str, scan: &Scan) -> Option<ModelInfo> {
         default: scan.default.as_ref().is_some_and(|default| default.model == name),
         serving: record.stable,
         epoch: record.epoch,
+        settled: record.settled,
         versions: versions.keys().rev().map(|&version| version_info(version, record)).collect(),
     })
 }

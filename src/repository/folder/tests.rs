@@ -99,7 +99,7 @@ fn a_model_may_lie_on_another_disk() {
     write_version(staged.path(), "far away");
     fs::write(staged.path().join(model::ABOUT_FILE), "{}").unwrap();
     repository.publish(&id, staged).unwrap();
-    repository.write_record("lab", &Record::default().activated(1)).unwrap();
+    repository.write_record("lab", &Record::default().activated(2)).unwrap();
     assert_eq!(found(&repository), ["lab/1"]);
     repository.delete(&id).unwrap();
     let left = fs::read_dir(elsewhere.path()).unwrap().map(|entry| entry.unwrap().file_name());
@@ -214,6 +214,31 @@ fn a_version_is_published_once_and_deleted_once() {
     assert_eq!(found(&repository), [""; 0]);
     let left = fs::read_dir(root.path()).unwrap().map(|entry| entry.unwrap().file_name());
     assert_eq!(left.filter(|name| name != LOCK_FILE).collect::<Vec<_>>(), ["lab"]);
+}
+
+#[test]
+fn a_version_that_has_got_a_label_meanwhile_is_not_deleted() {
+    let (_root, repository) = repository();
+    let id = VersionId::new("lab", 1);
+    publish(&repository, &id, "").unwrap();
+    repository.write_record("lab", &Record::default().activated(1)).unwrap();
+    assert!(matches!(repository.delete(&id), Err(RepositoryError::Overtaken { epoch: 1, .. })));
+    assert_eq!(found(&repository), ["lab/1"]);
+}
+
+/// As a command leaves them that somebody else has run. It says nothing to root, who may write all.
+#[cfg(unix)]
+#[test]
+fn locks_that_may_only_be_read_lock_nobody_out() {
+    use std::os::unix::fs::PermissionsExt;
+    let (root, repository) = repository();
+    repository.write_record("lab", &Record::default().activated(1)).unwrap();
+    for lock in [root.path().join(LOCK_FILE), root.path().join("lab").join(LOCK_FILE)] {
+        fs::set_permissions(lock, fs::Permissions::from_mode(0o444)).unwrap();
+    }
+    let repository = open(root.path());
+    repository.write_record("lab", &Record::default().activated(1).activated(2)).unwrap();
+    assert_eq!(repository.record("lab").unwrap().stable, Some(2));
 }
 
 #[cfg(unix)]

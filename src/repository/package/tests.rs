@@ -167,7 +167,7 @@ fn a_tar_gz_and_a_zip_are_read_as_a_tar_is() {
 
 #[test]
 fn archives_of_the_folder_itself_and_from_a_mac_are_read() {
-    for wrapper in ["7/", "./home/", "my-model_2/"] {
+    for wrapper in ["7/", "./home/", "my-model_2/", "my model/"] {
         let files = files_in(wrapper);
         let mut entries: Vec<(&str, EntryType, &[u8])> =
             files.iter().map(|(name, content)| (name.as_str(), EntryType::Regular, *content)).collect();

@@ -2,7 +2,6 @@
 
 use super::{Limits, PackageError, copy_error, io_error, is_file_of_version};
 use crate::model::GOLDEN_FOLDER;
-use crate::repository::is_name;
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -101,7 +100,7 @@ impl<'a> Unpacker<'a> {
         let wrapper = self.wrapper.get_or_insert_with(|| {
             let (first, rest) = path.split_once('/').unwrap_or((path, ""));
             let wraps = kind == Kind::Folder || !rest.is_empty();
-            (wraps && is_name(first) && first != GOLDEN_FOLDER).then(|| first.to_owned())
+            (wraps && !["", ".", "..", GOLDEN_FOLDER].contains(&first)).then(|| first.to_owned())
         });
         match wrapper.as_deref().and_then(|wrapper| path.strip_prefix(wrapper)) {
             Some("") => "",

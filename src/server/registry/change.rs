@@ -1,13 +1,13 @@
 //! Another version comes to serve: it is loaded and tried first, then takes the place of the old one at once.
 
 use super::aside::aside;
-use super::served::Table;
+use super::served::{STABLE, Table};
 use super::state::{Loaded, State};
 use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, lock};
 use crate::model::{LoadedModel, Stage, try_model};
 use crate::protocol::event::Event;
 use crate::protocol::rest::ModelName;
-use crate::repository::{Canary, Change, Record, RepositoryError, VersionId};
+use crate::repository::{Canary, Change, Record, RecordError, RepositoryError, VersionId};
 use crate::server::metrics::{SwapKind, SwapOutcome};
 use std::path::Path;
 use std::sync::Arc;
@@ -26,6 +26,8 @@ struct Wanted {
     ticket: u64,
     /// The epoch at which its caller looked at what serves, where nothing must have been changed since.
     expected_epoch: Option<u64>,
+    /// Nobody has asked for it: it takes effect even where it cannot be written down, as at the start.
+    is_automatic: bool,
 }
 
 /// What became of a try to commit.
@@ -54,13 +56,13 @@ impl Registry {
     /// # Errors
     /// Nothing is changed then, and what served serves on.
     pub fn change(&self, name: &str, change: Change, expected_epoch: Option<u64>) -> Result<(), ChangeError> {
-        self.counted(change.into(), || self.apply(name, change, expected_epoch))?;
+        self.apply(name, change.into(), change, expected_epoch)?;
         self.settle_default();
         Ok(())
     }
 
     /// Counts and times a change.
-    pub(super) fn counted(
+    fn counted(
         &self,
         kind: SwapKind,
         change: impl FnOnce() -> Result<(), ChangeError>,
@@ -76,15 +78,25 @@ impl Registry {
         result
     }
 
+    /// Makes a change, counted as one of its kind.
     pub(super) fn apply(
         &self,
         name: &str,
+        kind: SwapKind,
         change: Change,
         expected_epoch: Option<u64>,
     ) -> Result<(), ChangeError> {
+        let is_automatic = matches!(kind, SwapKind::Latest);
+        let wanted = Wanted { change, ticket: 0, expected_epoch, is_automatic };
+        self.counted(kind, || self.insist(name, wanted))
+    }
+
+    /// Tries to make a change for as long as others are faster.
+    fn insist(&self, name: &str, wanted: Wanted) -> Result<(), ChangeError> {
+        let expected_epoch = wanted.expected_epoch;
         let ticket = self.begin(name, expected_epoch)?;
         let mut loaded = None;
-        let wanted = Wanted { change, ticket, expected_epoch };
+        let wanted = Wanted { ticket, ..wanted };
         let mut result = self.try_to_apply(name, wanted, &mut loaded);
         for _ in 1..MAX_TRIES {
             // A command, or a service beside this one, was faster.
@@ -150,6 +162,10 @@ impl Registry {
         entry.check_epoch(expected_epoch)?;
         entry.version(&id.name, id.version)?;
         let record = entry.record.without(id.version)?;
+        // Or it answers in the place of a stable version that does not work.
+        if self.serving(&id.name).stable.is_some_and(|stable| stable.version == id.version) {
+            return Err(RecordError::Labeled { version: id.version, label: STABLE }.into());
+        }
         if record != entry.record {
             self.repository.write_record(&id.name, &record)?;
         }
@@ -180,7 +196,7 @@ impl Registry {
     fn commit(
         &self,
         name: &str,
-        Wanted { change, ticket, expected_epoch }: Wanted,
+        Wanted { change, ticket, expected_epoch, is_automatic }: Wanted,
         loaded: Option<&(u64, Loaded)>,
     ) -> Result<Commit, ChangeError> {
         let _committing = lock(&self.committing);
@@ -200,7 +216,15 @@ impl Registry {
             }
         }
         if record != entry.record {
-            self.repository.write_record(name, &record)?;
+            if let Some(version) = change.wants(&record) {
+                // Another service may have deleted it.
+                self.repository.fetch(&VersionId::new(name, version))?;
+            }
+            if is_automatic {
+                self.keep(name, &record)?;
+            } else {
+                self.repository.write_record(name, &record)?;
+            }
         }
         self.adopt(name, record, loaded);
         if let Some(entry) = self.book().models.get_mut(name) {

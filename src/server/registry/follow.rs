@@ -111,6 +111,12 @@ impl Registry {
     fn start(&self, name: &str) {
         let Ok(entry) = self.entry(name) else { return };
         let record = &entry.record;
+        if record.epoch == 0
+            && let Err(error @ RepositoryError::Record { .. }) = self.repository.record(name)
+        {
+            let advice = "the highest version that works serves, if the policy is `latest`";
+            tracing::error!(model = name, %error, advice, "what somebody has decided is to serve is not known");
+        }
         let is_latest = self.policy == Policy::Latest;
         let (newer, older): (Vec<u64>, Vec<u64>) =
             entry.versions.keys().rev().filter(|_| is_latest).partition(|&&version| entry.is_newer(version));
@@ -126,9 +132,10 @@ impl Registry {
         match &first {
             Some((version, _)) if entry.is_newer(*version) => {
                 record = record.activated(*version);
-                // A first start decides nothing that the next one would not.
-                if entry.record.epoch > 0 {
-                    self.keep(name, &record);
+                // A first one too: whoever changes the repository by a command must see what serves.
+                if record != entry.record {
+                    // Of two that start at once the first has written it; the other follows it.
+                    let _ = self.keep(name, &record);
                 }
             }
             Some((version, _)) if record.stable != Some(*version) => {
@@ -164,7 +171,7 @@ impl Registry {
 
     /// Lets a version serve that is newer than all that served.
     fn take(&self, name: &str, version: u64) -> Result<(), ChangeError> {
-        self.counted(SwapKind::Latest, || self.apply(name, Change::Activate(version), None))
+        self.apply(name, SwapKind::Latest, Change::Activate(version), None)
     }
 
     /// Lets the record that is known take effect.
@@ -175,11 +182,18 @@ impl Registry {
         }
     }
 
-    /// Writes down what is to serve, if that can be done: where it cannot, it serves nevertheless.
-    fn keep(&self, name: &str, record: &Record) {
-        if let Err(error) = self.repository.write_record(name, record) {
-            tracing::warn!(model = name, %error, "what serves is not kept for the next start");
+    /// Writes down what comes to serve by itself: where that cannot be done, it serves nevertheless.
+    ///
+    /// # Errors
+    /// Somebody else has decided meanwhile.
+    pub(super) fn keep(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
+        match self.repository.write_record(name, record) {
+            Err(overtaken @ RepositoryError::Overtaken { .. }) => return Err(overtaken),
+            // One model's own folder has none.
+            Ok(()) | Err(RepositoryError::ReadOnly(_)) => {}
+            Err(error) => tracing::warn!(model = name, %error, "what serves is not kept for the next start"),
         }
+        Ok(())
     }
 
     /// Refuses to start where nothing can serve, or not the model that requests without a name ask for.

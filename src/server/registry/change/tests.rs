@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::protocol::rest::VersionState;
-use crate::repository::{RecordError, Repository};
+use crate::repository::Repository;
 use crate::server::events::Events;
 use crate::server::metrics::Metrics;
 use crate::server::settings::{Policy, Settings};
@@ -11,24 +11,29 @@ use std::fs;
 /// A registry of three versions of the model that lies with the project, and its folder.
 fn registry() -> (TempDir, Registry) {
     let folder = TempDir::new().unwrap();
-    for version in 1..=3 {
-        let into = folder.path().join(format!("lab/{version}"));
-        fs::create_dir_all(&into).unwrap();
-        for file in ["model.safetensors", "model.json"] {
-            let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/simulated-lab/1").join(file);
-            fs::copy(from, into.join(file)).unwrap();
-        }
-    }
-    let settings = Settings { policy: Policy::Manual, ..Settings::default() };
-    let repository = Repository::open(&folder.path().to_string_lossy(), Path::new("unused")).unwrap();
-    let registry =
-        Registry::open(repository, &settings, (Events::default(), Arc::new(Metrics::new().unwrap())))
-            .unwrap();
+    (1..=3).for_each(|version| write_version(&folder, version));
+    let registry = open(&folder, Policy::Manual);
     (folder, registry)
 }
 
+fn write_version(folder: &TempDir, version: u64) {
+    let into = folder.path().join(format!("lab/{version}"));
+    fs::create_dir_all(&into).unwrap();
+    for file in ["model.safetensors", "model.json"] {
+        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/simulated-lab/1").join(file);
+        fs::copy(from, into.join(file)).unwrap();
+    }
+}
+
+fn open(folder: &TempDir, policy: Policy) -> Registry {
+    let settings = Settings { policy, ..Settings::default() };
+    let repository = Repository::open(&folder.path().to_string_lossy(), Path::new("unused")).unwrap();
+    let watched = (Events::default(), Arc::new(Metrics::new().unwrap()));
+    Registry::open(repository, &settings, watched).unwrap()
+}
+
 fn wanted(change: Change, ticket: u64) -> Wanted {
-    Wanted { change, ticket, expected_epoch: None }
+    Wanted { change, ticket, expected_epoch: None, is_automatic: false }
 }
 
 fn stable(registry: &Registry) -> Option<u64> {
@@ -200,4 +205,56 @@ fn a_version_that_many_activate_at_once_is_loaded_once() {
     let history = registry.entry("lab").unwrap().versions[&2].history();
     let n_loads = history.iter().filter(|change| change.state == VersionState::Loading).count();
     assert_eq!((n_loads, history.last().unwrap().state), (1, VersionState::Ready), "{history:?}");
+}
+
+#[test]
+fn what_serves_from_a_first_start_on_is_deleted_by_nobody() {
+    let (folder, beside) = registry();
+    let registry = open(&folder, Policy::Latest);
+    assert_eq!(stable(&registry), Some(3));
+    let record = registry.repository.record("lab").unwrap();
+    assert_eq!((record.stable, record.epoch), (Some(3), 1));
+    let deleted = beside.delete(&VersionId::new("lab", 3), None);
+    assert!(matches!(deleted, Err(ChangeError::Record(RecordError::Labeled { label: "stable", .. }))));
+}
+
+#[test]
+fn a_version_that_another_service_has_deleted_is_not_written_down() {
+    let (_folder, registry) = registry();
+    registry.change("lab", Change::Activate(1), None).unwrap();
+    let loaded = (2, registry.load("lab", 2).unwrap());
+    registry.repository.delete(&VersionId::new("lab", 2)).unwrap();
+    let ticket = registry.begin("lab", None).unwrap();
+    let gone = registry.commit("lab", wanted(Change::Activate(2), ticket), Some(&loaded));
+    assert!(matches!(gone, Err(ChangeError::Repository(RepositoryError::NoVersion(_)))));
+    assert_eq!(registry.repository.record("lab").unwrap().stable, Some(1));
+}
+
+#[test]
+fn a_version_that_answers_in_the_place_of_a_damaged_one_is_not_deleted() {
+    let (folder, registry) = registry();
+    registry.change("lab", Change::Activate(1), None).unwrap();
+    registry.change("lab", Change::Activate(2), None).unwrap();
+    drop(registry);
+    fs::write(folder.path().join("lab/2/model.safetensors"), "damaged").unwrap();
+    let registry = open(&folder, Policy::Manual);
+    assert_eq!(stable(&registry), Some(1));
+    let deleted = registry.delete(&VersionId::new("lab", 1), None);
+    assert!(matches!(deleted, Err(ChangeError::Record(RecordError::Labeled { version: 1, .. }))));
+    assert!(folder.path().join("lab/1/model.safetensors").is_file());
+}
+
+#[cfg(unix)]
+#[test]
+fn where_nothing_can_be_written_the_latest_serves_nevertheless() {
+    let folder = TempDir::new().unwrap();
+    write_version(&folder, 1);
+    std::os::unix::fs::symlink("missing/lock", folder.path().join("lab/.lock")).unwrap();
+    let registry = open(&folder, Policy::Latest);
+    assert_eq!(stable(&registry), Some(1));
+    write_version(&folder, 2);
+    registry.poll().unwrap();
+    registry.poll().unwrap();
+    assert_eq!(stable(&registry), Some(2));
+    assert_eq!(registry.repository.record("lab").unwrap(), Record::default());
 }
