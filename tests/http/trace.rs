@@ -113,7 +113,9 @@ mod exported {
             // The last answer may be here before its spans have ended.
             assert!((3..=4).contains(&named(stage)), "{stage}: {}", named(stage));
         }
-        let n_links = count(&received, &trace_id()) - 1;
-        assert_eq!(n_links, named("frame"), "beside the stream's own span each frame names its trace");
+        // The stream's own span ends with the work for its last frame, which may be after the service.
+        let (n_naming, n_frames) = (count(&received, &trace_id()), named("frame"));
+        let is_named_by_each = n_naming == n_frames || n_naming == n_frames + 1;
+        assert!(is_named_by_each, "{n_naming} spans name the stream's trace, {n_frames} are of frames");
     }
 }
