@@ -10,7 +10,9 @@ mod add;
 mod arrays;
 mod calibration;
 mod card;
+mod choose;
 mod config;
+mod effort;
 mod features;
 mod folder;
 mod format;
@@ -25,7 +27,9 @@ mod trial;
 
 pub use add::{AddError, Forgotten};
 pub use card::{Addition, Card, Measurement};
+pub use choose::{Candidate, Choice, Tally, all_opinions, choose};
 pub use config::{BAG, CalibrationConfig, Config, PATTERNS, Sigmoids};
+pub use effort::Effort;
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,

@@ -4,7 +4,7 @@ use super::output;
 use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::dataset::{self, Dataset, Described, Problem};
 use crate::image::{Image, Limits};
-use crate::model::{BAG, Config, Extractor, LoadedModel, Model, PATTERNS};
+use crate::model::{BAG, Candidate, Config, Effort, Extractor, LoadedModel, Model, PATTERNS};
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
@@ -119,13 +119,20 @@ impl DataArgs {
 /// Parameters of a model.
 #[derive(Args)]
 pub(super) struct ConfigArgs {
-    /// Configuration of the model, as TOML [default: the measured defaults]
+    /// How much may be spent on a frame, where no parameters are given: among a few combinations of opinions the one is
+    /// taken that answers held-out frames best
+    #[arg(long, value_enum, default_value = "balanced", conflicts_with_all = ["config", "parameters"])]
+    effort: EffortName,
+    /// Configuration of the model, as TOML [default: what --effort chooses]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// One parameter, such as representation.n_words=1000 or detector.threshold.fixed=20; give it as often
     /// as needed (`inspect` lists the parameters of a model)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     parameters: Vec<String>,
+    /// Take these opinions of the configuration only
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    opinions: Vec<String>,
     /// Picture whose dark pixels are parts of the robot that are always in view; it may have any size
     #[arg(long, value_name = "PICTURE")]
     mask: Option<PathBuf>,
@@ -157,7 +164,52 @@ impl FoldArgs {
     }
 }
 
+/// How much may be spent on a frame, on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum EffortName {
+    /// A few milliseconds
+    Fast,
+    /// Some ten milliseconds
+    Balanced,
+    /// What answers best
+    Best,
+}
+
+impl From<EffortName> for Effort {
+    fn from(name: EffortName) -> Self {
+        match name {
+            EffortName::Fast => Self::Fast,
+            EffortName::Balanced => Self::Balanced,
+            EffortName::Best => Self::Best,
+        }
+    }
+}
+
 impl ConfigArgs {
+    /// What is chosen among: what is configured, or else the candidates of the effort.
+    pub(super) fn candidates(&self) -> anyhow::Result<Vec<Candidate>> {
+        if self.config.is_some() || !self.parameters.is_empty() {
+            return Ok(vec![Candidate { name: "as configured".to_owned(), config: self.read()? }]);
+        }
+        let mut candidates = Effort::from(self.effort).candidates(0);
+        for candidate in &mut candidates {
+            candidate.config = self.with_wanted_opinions(candidate.config.clone());
+        }
+        candidates.retain(|candidate| !candidate.config.opinions.is_empty());
+        candidates.dedup_by(|later, earlier| later.config == earlier.config);
+        if candidates.is_empty() {
+            bail!("no candidate has an opinion called {}: see --help", self.opinions.join(" or "));
+        }
+        Ok(candidates)
+    }
+
+    fn with_wanted_opinions(&self, config: Config) -> Config {
+        if self.opinions.is_empty() {
+            return config;
+        }
+        config.with_opinions(|name| self.opinions.iter().any(|wanted| wanted == name))
+    }
+
     /// The file, changed by the single parameters.
     pub(super) fn read(&self) -> anyhow::Result<Config> {
         self.read_with(&[])
@@ -180,7 +232,10 @@ impl ConfigArgs {
             // Another variant brings its own parameters, which the next change may name.
             table = toml::Table::try_from(table.try_into::<Config>()?)?;
         }
-        let config: Config = table.try_into()?;
+        let config = self.with_wanted_opinions(table.try_into()?);
+        if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
+            bail!("the configuration has no opinion called {name}");
+        }
         config.check().map_err(anyhow::Error::msg)?;
         Ok(config)
     }
@@ -188,7 +243,13 @@ impl ConfigArgs {
     /// Single parameters alone.
     #[cfg(test)]
     pub(super) fn of_parameters(parameters: &[String]) -> Self {
-        Self { config: None, parameters: parameters.to_vec(), mask: None }
+        Self {
+            effort: EffortName::Balanced,
+            config: None,
+            parameters: parameters.to_vec(),
+            opinions: Vec::new(),
+            mask: None,
+        }
     }
 
     /// The camera of checked frames; the mirror of an omnidirectional one is found in them.

@@ -3,9 +3,9 @@
 use super::{Cost, Drive, ExperimentError, Occlusion};
 use crate::image::{Image, Limits};
 use crate::model::{BAG, Config, Extractor, Model, Sample, Scratch};
+use crate::validate::{median, timed};
 use std::env::consts::ARCH;
 use std::fs;
-use std::time::Instant;
 
 /// At most this many frames are timed, spread evenly over the drive.
 const MAX_FRAMES: usize = 100;
@@ -45,18 +45,6 @@ pub(super) fn measure([train, test]: [&Drive; 2], config: &Config) -> Result<Cos
         vocabulary: [bag.n_words.unwrap_or_default(), n_dimensions],
         n_support_vectors: bag.n_support_vectors,
     })
-}
-
-/// The result, and the milliseconds it took.
-fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
-    let start = Instant::now();
-    let result = work();
-    (result, start.elapsed().as_secs_f64() * 1000.0)
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
 /// What the system calls its CPU; its architecture where it does not say.

@@ -23,6 +23,7 @@ use crate::filter::Transitions;
 use crate::svm::SvmError;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// Why nothing was added to a model, or forgotten by it.
 #[derive(Debug, thiserror::Error)]
@@ -184,7 +185,9 @@ impl Model {
         let trained = self.classification.opinions.iter().map(|opinion| opinion.trained.without(&left));
         let trained = trained.collect::<Result<Vec<_>, _>>()?;
         let opinions = self.classification.opinions.iter().zip(trained);
-        let opinions = opinions.map(|(opinion, trained)| Opinion { trained, ..opinion.clone() }).collect();
+        let opinions = opinions
+            .map(|(opinion, trained)| Opinion { trained: Arc::new(trained), ..opinion.clone() })
+            .collect();
         let is_same = places == self.places;
         let transitions =
             if is_same { self.transitions.clone() } else { Transitions::unlearned(places.len()) };
@@ -313,8 +316,8 @@ impl Drive<'_> {
         (of_earlier, places): (&[usize], &[String]),
     ) -> Result<Vec<Opinion>, AddError> {
         let learn = |opinion: &Opinion| {
-            let frames: Vec<&Seen> =
-                self.samples().map(|sample| &sample.features.seen[opinion.sight_idx]).collect();
+            let frames = self.samples().map(|sample| sample.features.of(&opinion.sight));
+            let frames: Vec<&Seen> = frames.collect::<Option<_>>().ok_or(TrainError::OtherSights)?;
             let added = Added {
                 frames: &frames,
                 labels: &learned.labels,
@@ -328,7 +331,7 @@ impl Drive<'_> {
                 }
                 error => error,
             })?;
-            Ok(Opinion { trained, ..opinion.clone() })
+            Ok(Opinion { trained: Arc::new(trained), ..opinion.clone() })
         };
         model.classification.opinions.iter().map(learn).collect()
     }
@@ -507,7 +510,7 @@ mod tests {
         let frame = frame(1, &mut random);
         let expected = old.recognize(&frame, &mut Scratch::default());
         old.held_out = HeldOutFrames::default();
-        old.classification.opinions[0].trained.forget_support_labels();
+        Arc::make_mut(&mut old.classification.opinions[0].trained).forget_support_labels();
         let back = Model::from_bytes(&old.to_bytes().unwrap()).unwrap();
         assert_eq!(back.recognize(&frame, &mut Scratch::default()), expected);
         assert!(matches!(add(&back, &drives(&config, &["b"]), 0.0), Err(AddError::NothingKept)));

@@ -17,14 +17,17 @@ pub struct Extractor(Arc<Parameters>);
 #[derive(Debug)]
 struct Parameters {
     longest_side: usize,
-    sights: Vec<Sight>,
+    sights: Arc<Vec<Sight>>,
     camera: Camera,
 }
 
 /// What a frame shows, before it is classified.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
-    /// One for each of [`Config::sights`].
+    /// How it was looked at: [`Config::sights`] of the extractor's configuration. A model that looks in fewer of these ways
+    /// can classify it.
+    pub sights: Arc<Vec<Sight>>,
+    /// What each of these saw.
     pub seen: Vec<Seen>,
     /// Pixels of the frame as it came for one pixel at working size, at least 1.
     pub scale: f32,
@@ -39,6 +42,11 @@ impl Features {
     /// The descriptors of the first sight that has keypoints, even if it found none; none without such a sight.
     pub fn descriptors(&self) -> Option<&Matrix> {
         self.seen.iter().find_map(Seen::local).map(|local| &local.descriptors)
+    }
+
+    /// What one sight sees; `None` where the extractor was not configured to look so.
+    pub fn of(&self, sight: &Sight) -> Option<&Seen> {
+        self.sights.iter().zip(&self.seen).find(|(other, _)| *other == sight).map(|(_, seen)| seen)
     }
 
     /// The number of keypoints that were found.
@@ -79,7 +87,8 @@ struct Scaled<'a> {
 impl Extractor {
     /// What `config` says, for frames of `camera`.
     pub fn new(config: &Config, camera: Camera) -> Self {
-        Self(Arc::new(Parameters { longest_side: config.longest_side, sights: config.sights(), camera }))
+        let sights = Arc::new(config.sights());
+        Self(Arc::new(Parameters { longest_side: config.longest_side, sights, camera }))
     }
 
     /// The longest side in pixels that it looks at.
@@ -128,7 +137,11 @@ impl Parameters {
             }
         };
         let seen = self.sights.iter().map(see).collect();
-        Features { seen, scale: (image.width() * image.reduction()) as f32 / frame.width() as f32 }
+        Features {
+            sights: Arc::clone(&self.sights),
+            seen,
+            scale: (image.width() * image.reduction()) as f32 / frame.width() as f32,
+        }
     }
 
     /// The patterns of the visible part of a frame, or of all of it; `kept` is kept for the next frame of the same

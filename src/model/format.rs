@@ -35,13 +35,13 @@ use super::calibration::Calibration;
 use super::held_out::HeldOutFrames;
 use super::learned::LearnedFrames;
 use super::opinion::{Opinion, Shape};
-use super::train::sight_idx;
 use super::{Card, Classification, Config, Extractor, Model};
 use crate::camera::{Camera, Mask, Projection};
 use crate::filter::Transitions;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// The version of the file's layout that is written.
 pub const FORMAT_VERSION: u32 = 2;
@@ -165,7 +165,6 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     let is_first = format_version == FIRST_VERSION;
     let arrays_of = |name| if is_first { file.of_first_version(name) } else { file.of_opinion(name) };
     let learned = LearnedFrames::from_arrays(places.len(), &file)?;
-    let sights = config.sights();
     let weights = match config.given_weights() {
         Some(weights) => weights,
         None => read_weights(&config, &weights)?,
@@ -173,12 +172,12 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     let mut opinions = Vec::new();
     for ((name, opinion), weight) in config.opinions.iter().zip(weights) {
         let arrays = arrays_of(name);
-        let sight_idx = sight_idx(&sights, opinion);
-        let n_dimensions = sights[sight_idx].n_dimensions(camera.kind());
+        let sight = opinion.sight();
+        let n_dimensions = sight.n_dimensions(camera.kind());
         let shape = Shape { n_places: places.len(), n_dimensions, n_frames: learned.n_frames() };
-        let trained = opinion.read(shape, &arrays)?;
+        let trained = Arc::new(opinion.read(shape, &arrays)?);
         let calibration = Calibration::from_arrays(opinion.way(), places.len(), &arrays)?;
-        opinions.push(Opinion { sight_idx, trained, calibration, weight });
+        opinions.push(Opinion { sight, trained, calibration, weight });
     }
     let held_out = HeldOutFrames::from_arrays(&config, places.len(), &file, arrays_of)?.unwrap_or_default();
     let transitions = transitions(places.len(), &file)?;

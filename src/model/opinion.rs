@@ -21,6 +21,7 @@ use super::{AddError, Features, TrainError};
 use machines::Machines;
 use patterns::Patterns;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// The sum of the weights that are taken where nothing is known of how well opinions do: more than 1, since what
 /// several say independently is more certain than what one says.
@@ -281,9 +282,9 @@ impl Trained {
 /// One opinion of a model.
 #[derive(Clone, Debug)]
 pub(super) struct Opinion {
-    /// Which of [`super::Config::sights`] it looks at.
-    pub(super) sight_idx: usize,
-    pub(super) trained: Trained,
+    /// How it looks at frames.
+    pub(super) sight: Sight,
+    pub(super) trained: Arc<Trained>,
     pub(super) calibration: Calibration,
     pub(super) weight: f64,
 }
@@ -291,7 +292,7 @@ pub(super) struct Opinion {
 impl Opinion {
     /// One number a machine or room; `None` of a frame that shows it nothing.
     pub(super) fn decision_values(&self, features: &Features) -> Option<Vec<f32>> {
-        self.trained.decision_values(&features.seen[self.sight_idx])
+        self.trained.decision_values(features.of(&self.sight)?)
     }
 
     /// `None` of a frame that shows it nothing.
@@ -302,7 +303,7 @@ impl Opinion {
 
     /// What spoke for and against a room.
     pub(super) fn clues(&self, features: &Features, place_idx: usize) -> Vec<Clue> {
-        self.trained.clues(&features.seen[self.sight_idx], place_idx)
+        features.of(&self.sight).map_or_else(Vec::new, |seen| self.trained.clues(seen, place_idx))
     }
 
     pub(super) fn size(&self) -> Size {
