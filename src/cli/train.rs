@@ -44,9 +44,12 @@ const DEFAULT_FORGET: f64 = 0.7;
 /// model trained without it. These answers calibrate the probabilities and give the rates that are
 /// printed. The model itself is trained on all frames.
 ///
+/// Which opinions the model has is chosen among a few combinations by the same answers (--effort), unless
+/// parameters are given.
+///
 /// With --add, a trained model learns the frames in addition, sequence by sequence, each answered before
-/// it is learned. The model must have the classifier kernel_svm: of the frames learned before it keeps
-/// only the support vectors.
+/// it is learned. The frames of before are not needed: the model keeps what it takes to go on, unless it was
+/// configured to boost or to compare sets of descriptors.
 #[derive(Args)]
 pub(super) struct TrainArgs {
     #[command(flatten)]
@@ -68,7 +71,7 @@ pub(super) struct TrainArgs {
     /// Add the frames to what this model has learned; its configuration, camera and words stay
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["config", "parameters", "opinions", "effort", "mask", "camera"])]
     add: Option<PathBuf>,
-    /// With --add: drop support vectors of which the others make up all but this share. 0 loses nothing,
+    /// With --add, of kernel machines: drop support vectors of which the others make up all but this share. 0 loses nothing,
     /// more makes a smaller and faster model that answers a little worse
     #[arg(long, value_name = "SHARE", requires = "add", default_value_t = DEFAULT_FORGET)]
     #[arg(value_parser = share, allow_negative_numbers = true)]

@@ -373,7 +373,7 @@ mod tests {
     use super::*;
     use crate::boost;
     use crate::camera::{Camera, Projection};
-    use crate::model::{Classifier, Config, Scratch};
+    use crate::model::{Classifier, Config, PatternsConfig, Scratch};
     use crate::svm::KernelConfig;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
@@ -478,6 +478,57 @@ mod tests {
         let back = Model::from_bytes(&bytes).unwrap();
         assert_eq!(back.to_bytes().unwrap(), bytes);
         add(&back, &drives(&config, &["d"]), 0.0).unwrap();
+    }
+
+    fn with_patterns() -> Config {
+        let mut config = config().with_patterns(0.5, PatternsConfig::default());
+        config.weights.clear();
+        config
+    }
+
+    #[test]
+    fn linear_machines_learn_drive_by_drive_what_they_learn_at_once() {
+        let config = with_patterns();
+        let all = drives(&config, &["a", "b", "c"]);
+        let unseen = samples(&config, 60, 99);
+        let grown = add(&train(&all[..24], &config), &all[24..], 0.0).unwrap().model;
+        let at_once = train(&all, &config);
+        let (grown_right, at_once_right) = (n_right(&grown, &unseen), n_right(&at_once, &unseen));
+        assert!(
+            grown_right + 2 >= at_once_right && at_once_right > 50,
+            "{grown_right} and {at_once_right} of 60"
+        );
+        assert_eq!(n_kept(&grown), 2 * 72, "a row a frame of both opinions");
+        let back = Model::from_bytes(&grown.to_bytes().unwrap()).unwrap();
+        assert_eq!(back.to_bytes().unwrap(), grown.to_bytes().unwrap());
+    }
+
+    #[test]
+    fn a_drive_or_a_room_is_forgotten() {
+        let config = with_patterns();
+        let all = drives(&config, &["a", "b", "c"]);
+        let unseen = samples(&config, 60, 99);
+        let model = train(&all, &config);
+        let without_drive = model.without(Forgotten::Drive("b")).unwrap();
+        assert_eq!((without_drive.card().n_frames, without_drive.learned.n_frames()), (48, 48));
+        assert!(n_right(&without_drive, &unseen) > 50);
+        // Learned again it is the same but for the order.
+        let again = add(&without_drive, &all[24..48], 0.0).unwrap().model;
+        assert_eq!(n_right(&again, &unseen), n_right(&model, &unseen));
+
+        let without_dots = model.without(Forgotten::Place("dots")).unwrap();
+        assert_eq!(without_dots.places(), ["bars", "stripes"]);
+        let others: Vec<Sample> = unseen.iter().filter(|sample| sample.place != "dots").cloned().collect();
+        assert!(n_right(&without_dots, &others) > 35);
+        let back = Model::from_bytes(&without_dots.to_bytes().unwrap()).unwrap();
+        assert_eq!(back.to_bytes().unwrap(), without_dots.to_bytes().unwrap());
+
+        let refusal = |model: &Model, forgotten| model.without(forgotten).unwrap_err().to_string();
+        assert!(refusal(&model, Forgotten::Drive("z")).contains("it has learned a, b, c"));
+        assert!(refusal(&model, Forgotten::Place("attic")).contains("bars, dots, stripes"));
+        assert!(refusal(&without_dots, Forgotten::Place("bars")).contains("1 rooms only"));
+        let kernel = train(&all, &kernel_svm());
+        assert!(refusal(&kernel, Forgotten::Drive("a")).contains("kernel_svm"));
     }
 
     #[test]
