@@ -1,52 +1,205 @@
-//! Neural networks as a source of features.
+//! Neural networks as a source of features: an ONNX file, what belongs to it, and ONNX Runtime, which runs it.
+//!
+//! A network is as little trusted as a picture. Before ONNX Runtime sees its file, the file is looked into
+//! (no more than a number of bytes and operations, known operators, no loops, weights that are there and finite);
+//! before it computes anything, the sizes of all tensors are known, and with them memory and work are bounded.
+//!
+//! Numbers that come out differ between processors in their last digits. Whoever compares answers needs a tolerance.
 
+mod budget;
+mod description;
 mod input;
+mod onnx;
+mod operators;
+mod outputs;
+mod runtime;
+mod session;
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+mod weights;
+mod wire;
 mod xfeat;
 
+pub use description::{
+    ColorOrder, Description, GridOutput, Input, Pooling, Size, VectorOutput, XFeatOutputs,
+};
 pub use input::{Around, FrameInput};
+pub use onnx::{MAX_FILE_BYTES, MAX_NODES};
+pub use outputs::{Grid, Outputs, XFeatMaps};
+pub use runtime::{Runtime, RuntimeError};
+pub use session::Session;
 pub use xfeat::XFeat;
 
-/// Columns and rows of an input.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Size {
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
+use onnx::Graph;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// A network: its ONNX file and its description. Copies share the file.
+#[derive(Clone, Debug)]
+pub struct Network {
+    name: String,
+    description: Description,
+    onnx: Arc<[u8]>,
+    digest: blake3::Hash,
 }
 
-/// How a picture becomes the network's input: `1 x 3 x height x width` floats, `(value - mean) * scale`.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Input {
-    /// Taken from each value of a pixel, which is 0 to 255: red, green, blue, whatever the order.
-    pub mean: [f32; 3],
-    /// What is left is multiplied by this: red, green, blue, whatever the order.
-    pub scale: [f32; 3],
-    /// Which color comes first.
-    pub order: ColorOrder,
+/// Why there is no such network.
+#[derive(Debug, thiserror::Error)]
+pub enum NetworkError {
+    /// The file cannot be read.
+    #[error("{}: {source}", path.display())]
+    Io {
+        /// Which file.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// Nothing is written beside the ONNX file.
+    #[error("{} is missing; start with this, and correct what is not so:\n\n{text}", path.display())]
+    NoDescription {
+        /// The file to write.
+        path: PathBuf,
+        /// What to start from.
+        text: String,
+    },
+    /// The description is not as it should be.
+    #[error("the description of the network {name}: {why}")]
+    Description {
+        /// The network.
+        name: String,
+        /// What is wrong.
+        why: String,
+    },
+    /// The ONNX file is another than the described one.
+    #[error(
+        "the network {name} is another than its description is about: its digest is {found}, and not {expected}"
+    )]
+    OtherDigest {
+        /// The network.
+        name: String,
+        /// Of the file.
+        found: String,
+        /// In the description.
+        expected: String,
+    },
+    /// The network itself is refused.
+    #[error("the network {name} {why}")]
+    Refused {
+        /// The network.
+        name: String,
+        /// Why.
+        why: String,
+    },
+    /// ONNX Runtime is missing or no good.
+    #[error(transparent)]
+    Runtime(#[from] RuntimeError),
 }
 
-/// The order of the three planes of an input.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ColorOrder {
-    /// Red, green, blue.
-    #[default]
-    Rgb,
-    /// Blue, green, red.
-    Bgr,
+impl Network {
+    /// Reads `NAME.onnx`, and `NAME.toml` beside it. ONNX Runtime is not needed yet.
+    pub fn open(path: &Path) -> Result<Self, NetworkError> {
+        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let in_file = |path: &Path| {
+            let path = path.to_owned();
+            move |source| NetworkError::Io { path, source }
+        };
+        let onnx = read_limited(path, MAX_FILE_BYTES).map_err(in_file(path))?;
+        let beside = path.with_extension("toml");
+        match read_limited(&beside, MAX_DESCRIPTION_BYTES) {
+            Ok(text) => Self::new(&name, onnx, &String::from_utf8_lossy(&text)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => {
+                let graph = Graph::read(&onnx).map_err(|why| NetworkError::Refused { name, why })?;
+                let digest = blake3::hash(&onnx).to_hex();
+                let text = Description::to_start_from(&graph, &digest);
+                Err(NetworkError::NoDescription { path: beside, text })
+            }
+            Err(error) => Err(in_file(&beside)(error)),
+        }
+    }
+
+    /// A network from the bytes of its ONNX file and the text of its description. Both are checked, as far as
+    /// that is possible without ONNX Runtime.
+    pub fn new(name: &str, onnx: Vec<u8>, description: &str) -> Result<Self, NetworkError> {
+        let name = name.to_owned();
+        let description = match Description::read(description) {
+            Ok(description) => description,
+            Err(why) => return Err(NetworkError::Description { name, why }),
+        };
+        let digest = blake3::hash(&onnx);
+        if description.digest != digest.to_hex().as_str() {
+            let found = digest.to_hex().to_string();
+            return Err(NetworkError::OtherDigest { name, found, expected: description.digest });
+        }
+        match Graph::read(&onnx) {
+            Ok(_) => Ok(Self { name, description, onnx: onnx.into(), digest }),
+            Err(why) => Err(NetworkError::Refused { name, why }),
+        }
+    }
+
+    /// The file's name, without its ending.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// What belongs to it.
+    pub fn description(&self) -> &Description {
+        &self.description
+    }
+
+    /// The ONNX file.
+    pub fn onnx(&self) -> &[u8] {
+        &self.onnx
+    }
+
+    /// BLAKE3 of the ONNX file.
+    pub fn digest(&self) -> blake3::Hash {
+        self.digest
+    }
+
+    /// Makes the network ready for one thread and for inputs of `size`. Takes some ten milliseconds.
+    pub fn session(&self, runtime: &Runtime, size: Size) -> Result<Session, NetworkError> {
+        Session::new(&self.onnx, &self.description, runtime, size).map_err(|why| self.refused(why))
+    }
+
+    /// A session for inputs of `size` that has answered a gray picture and one of noise with finite numbers.
+    pub fn tried(&self, runtime: &Runtime, size: Size) -> Result<Session, NetworkError> {
+        let mut session = self.session(runtime, size)?;
+        let Input { mean, scale, .. } = &self.description.input;
+        let n_pixels = size.width as usize * size.height as usize;
+        let mut noise = ChaCha8Rng::seed_from_u64(0);
+        for is_noise in [false, true] {
+            let mut value = || if is_noise { f32::from(noise.random::<u8>()) } else { 128.0 };
+            let mut input = Vec::with_capacity(3 * n_pixels);
+            for (mean, scale) in mean.iter().zip(scale) {
+                input.extend((0..n_pixels).map(|_| (value() - mean) * scale));
+            }
+            session.try_run(&input).map_err(|why| {
+                let picture = if is_noise { "a picture of noise" } else { "a gray picture" };
+                self.refused(format!("was tried on {picture}, and {why}"))
+            })?;
+        }
+        Ok(session)
+    }
+
+    fn refused(&self, why: String) -> NetworkError {
+        NetworkError::Refused { name: self.name.clone(), why }
+    }
 }
 
-/// The maps of XFeat, channel by channel, each row by row.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct XFeatMaps<'a> {
-    /// Cells in a row, each eight pixels wide.
-    pub n_columns: usize,
-    /// Rows of cells.
-    pub n_rows: usize,
-    /// 64 channels: a descriptor a cell, of any length.
-    pub features: &'a [f32],
-    /// 65 channels: scores before a softmax, of the 64 pixels of a cell row by row and of none of them.
-    pub keypoints: &'a [f32],
-    /// One channel, from 0 to 1.
-    pub reliability: &'a [f32],
+/// The most bytes of a description.
+const MAX_DESCRIPTION_BYTES: u64 = 1 << 20;
+
+fn read_limited(path: &Path, limit: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(limit + 1).read_to_end(&mut bytes)?;
+    match bytes.len() as u64 > limit {
+        true => Err(io::Error::other(format!("it is larger than {} MiB", limit >> 20))),
+        false => Ok(bytes),
+    }
 }

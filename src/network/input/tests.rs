@@ -3,7 +3,18 @@ use crate::camera::{Camera, Mask};
 use crate::image::Region;
 use proptest::prelude::*;
 
-const AS_BYTES: Input = Input { mean: [0.0; 3], scale: [1.0; 3], order: ColorOrder::Rgb };
+/// Of a network that takes bytes as they are.
+fn as_bytes() -> Input {
+    Input {
+        name: "image".to_owned(),
+        size: size(8, 8),
+        multiple_of: None,
+        longest_side: None,
+        mean: [0.0; 3],
+        scale: [1.0; 3],
+        order: ColorOrder::Rgb,
+    }
+}
 
 fn size(width: u32, height: u32) -> Size {
     Size { width, height }
@@ -30,7 +41,7 @@ fn view(projection: Projection, image: &Image) -> View {
 
 /// What a frame gives at values from 0 to 255.
 fn values(image: &Image, view: &View, around: Around, size: Size) -> Vec<f32> {
-    FrameInput::of(image, view, &around, size, &AS_BYTES).views().flatten().copied().collect()
+    FrameInput::of(image, view, &around, size, &as_bytes()).views().flatten().copied().collect()
 }
 
 const WHOLE: Around = Around::Strip { border: 0 };
@@ -40,7 +51,8 @@ fn colors_are_planes_in_the_order_and_range_that_the_network_wants() {
     let frame = image(2, 1, |x, _| if x == 0 { [10, 20, 30] } else { [110, 120, 130] });
     let view = view(Projection::Perspective, &frame);
     assert_eq!(values(&frame, &view, WHOLE, size(2, 1)), [10.0, 110.0, 20.0, 120.0, 30.0, 130.0]);
-    let input = Input { mean: [10.0, 20.0, 0.0], scale: [1.0, 2.0, 0.5], order: ColorOrder::Bgr };
+    let input =
+        Input { mean: [10.0, 20.0, 0.0], scale: [1.0, 2.0, 0.5], order: ColorOrder::Bgr, ..as_bytes() };
     let prepared = FrameInput::of(&frame, &view, &WHOLE, size(2, 1), &input);
     assert_eq!(prepared.views().next().unwrap(), [15.0, 65.0, 0.0, 200.0, 0.0, 100.0]);
     let gray = Image::from_pixels(2, 1, vec![7, 9]).unwrap();
@@ -51,7 +63,7 @@ fn colors_are_planes_in_the_order_and_range_that_the_network_wants() {
 fn perspective_frames_are_squeezed_and_averaged() {
     let frame = image(40, 20, |x, y| [(6 * x) as u8, (12 * y) as u8, 50]);
     let view = view(Projection::Perspective, &frame);
-    let prepared = FrameInput::of(&frame, &view, &Around::Views { n: 8 }, size(10, 10), &AS_BYTES);
+    let prepared = FrameInput::of(&frame, &view, &Around::Views { n: 8 }, size(10, 10), &as_bytes());
     assert_eq!(prepared.views().len(), 1);
     let [red, green, blue] = [0, 1, 2].map(|plane| &prepared.views().next().unwrap()[100 * plane..][..100]);
     for (x, y) in [(1, 1), (4, 7), (8, 3)] {
@@ -66,7 +78,7 @@ fn perspective_frames_are_squeezed_and_averaged() {
 fn places_of_an_enlarged_frame_lie_in_it() {
     let frame = image(5, 4, |_, _| [1, 2, 3]);
     let view = view(Projection::Perspective, &frame);
-    let prepared = FrameInput::of(&frame, &view, &WHOLE, size(20, 20), &AS_BYTES);
+    let prepared = FrameInput::of(&frame, &view, &WHOLE, size(20, 20), &as_bytes());
     assert_eq!(prepared.place(0, [0.0, 0.0]), Some([0.0, 0.0]));
     assert_eq!(prepared.place(0, [19.0, 19.0]), Some([4.0, 3.0]));
 }
@@ -107,7 +119,7 @@ proptest! {
     fn turning_a_panorama_moves_places_alone(turn in 0usize..128, border in 0u32..24, x in 0u8..96, y in 0u8..32) {
         let (upright, turned) = (panorama(128, 64, 0), panorama(128, 64, turn));
         let view = view(Projection::Equirectangular, &upright);
-        let prepared = FrameInput::of(&upright, &view, &Around::Strip { border }, size(96, 32), &AS_BYTES);
+        let prepared = FrameInput::of(&upright, &view, &Around::Strip { border }, size(96, 32), &as_bytes());
         let position = [f32::from(x), f32::from(y)];
         let is_repeated = u32::from(x) < border || u32::from(x) >= 96 - border;
         let Some(place) = prepared.place(0, position) else {
@@ -137,7 +149,7 @@ fn what_is_hidden_becomes_the_mean_color() {
         [0, 1, 2].map(|plane| values(&frame, &masked, WHOLE, size(8, 8))[64 * plane..][..64].to_vec());
     assert!(red.iter().all(|&red| red == 0.0) && green.iter().all(|&green| green == 100.0));
     assert!(blue.iter().all(|&blue| blue == 40.0));
-    let prepared = FrameInput::of(&frame, &masked, &WHOLE, size(8, 8), &AS_BYTES);
+    let prepared = FrameInput::of(&frame, &masked, &WHOLE, size(8, 8), &as_bytes());
     assert_eq!((prepared.place(0, [2.0, 2.0]), prepared.place(0, [5.0, 2.0])), (None, Some([10.5, 4.5])));
     // Rows that did not arrive.
     let visible = Region { left: 0, top: 0, right: 16, bottom: 8 };
@@ -161,7 +173,7 @@ fn mirrors_are_unrolled_from_the_rim_inward() {
         ]
     });
     let view = view(Projection::Omnidirectional(mirror), &frame);
-    let prepared = FrameInput::of(&frame, &view, &WHOLE, size(64, 16), &AS_BYTES);
+    let prepared = FrameInput::of(&frame, &view, &WHOLE, size(64, 16), &as_bytes());
     let strip = prepared.views().next().unwrap();
     for (x, y) in [(0, 0), (15, 3), (40, 15), (63, 8)] {
         let [frame_x, frame_y] = prepared.place(0, [x as f32, y as f32]).unwrap();
@@ -174,7 +186,7 @@ fn mirrors_are_unrolled_from_the_rim_inward() {
             assert!((value - expected).abs() < 4.0, "{x} {y}: {value} instead of {expected}");
         }
     }
-    let views = FrameInput::of(&frame, &view, &Around::Views { n: 4 }, size(16, 16), &AS_BYTES);
+    let views = FrameInput::of(&frame, &view, &Around::Views { n: 4 }, size(16, 16), &as_bytes());
     assert_eq!(views.views().len(), 4);
     let opposite = views.place(2, [7.5, 7.5]).unwrap();
     let first = views.place(0, [7.5, 7.5]).unwrap();
@@ -186,7 +198,7 @@ fn a_mirror_that_leaves_the_frame_shows_nothing_there() {
     let mirror = Mirror { center_x: 0.0, center_y: 0.0, inner_radius: 0.5, outer_radius: 4.0 };
     let frame = image(40, 30, |_, _| [9, 9, 9]);
     let view = view(Projection::Omnidirectional(mirror), &frame);
-    let prepared = FrameInput::of(&frame, &view, &WHOLE, size(32, 32), &AS_BYTES);
+    let prepared = FrameInput::of(&frame, &view, &WHOLE, size(32, 32), &as_bytes());
     assert!(prepared.views().flatten().all(|&value| value == 9.0));
     assert_eq!(prepared.place(0, [20.0, 31.0]), None);
 }
@@ -195,7 +207,7 @@ fn a_mirror_that_leaves_the_frame_shows_nothing_there() {
 fn keypoints_of_a_strip_come_back_to_the_frame() {
     let frame = panorama(128, 64, 0);
     let view = view(Projection::Equirectangular, &frame);
-    let prepared = FrameInput::of(&frame, &view, &Around::Strip { border: 16 }, size(96, 32), &AS_BYTES);
+    let prepared = FrameInput::of(&frame, &view, &Around::Strip { border: 16 }, size(96, 32), &as_bytes());
     let keypoints = [3.0, 16.5, 80.0].map(|x| Keypoint::new(x, 7.5, 1.0));
     let rows = Matrix::from_vec(vec![1.0, 2.0, 3.0], 1).unwrap();
     let (placed, kept) = prepared.to_frame(0, &keypoints, &rows);
