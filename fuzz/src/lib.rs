@@ -31,7 +31,15 @@ fn limits() -> Limits {
 
 /// A frame of any format: an image within the limits, or a refusal.
 pub fn pictures(bytes: &[u8]) {
-    let Ok(image) = Image::decode(bytes, &limits()) else { return };
+    let colored = Image::decode_with_colors(bytes, &limits());
+    let plain = Image::decode(bytes, &limits());
+    assert_eq!(colored.as_ref().err(), plain.as_ref().err(), "colors decide nothing");
+    let (Ok(image), Ok(colored)) = (plain, colored) else { return };
+    assert!(image.colors().is_none());
+    assert_eq!(image.pixels(), colored.pixels());
+    assert_eq!((image.width(), image.reduction()), (colored.width(), colored.reduction()));
+    assert_eq!((image.damaged_rows(), image.visible()), (colored.damaged_rows(), colored.visible()));
+    assert!(colored.colors().is_none_or(|colors| colors.len() == 3 * image.pixels().len()));
     assert!(image.width() <= 2048 && image.height() <= 2048);
     assert_eq!(image.pixels().len(), image.width() * image.height());
     assert!(image.pixels().len() <= 1 << 20);
