@@ -14,6 +14,7 @@ mod format;
 mod golden;
 mod held_out;
 mod machines;
+mod networks;
 mod train;
 mod trial;
 
@@ -24,10 +25,13 @@ pub use cue::{Cue, FrameLbpCue};
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
-    VerifiedFile, move_into_place, write_about,
+    VerifiedFile, move_into_place, networks_in, networks_of, write_about,
 };
 pub use format::{FORMAT_VERSION, FormatError};
 pub use golden::{GOLDEN_FOLDER, GoldenFrame};
+pub use networks::{
+    CarriedNetwork, Digest, MAX_NETWORK_BYTES, NETWORKS_FOLDER, NetworkEntry, NetworkStore, Networks,
+};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep};
 pub use trial::{Stage, TrialError, TriedModel, try_model};
 
@@ -84,6 +88,7 @@ pub struct Model {
     transitions: Transitions,
     /// What the calibration rests on, of models that training can go on from.
     held_out: Option<HeldOutDecisions>,
+    networks: Networks,
     card: Card,
 }
 
@@ -120,6 +125,21 @@ impl Model {
     /// The same model with another card.
     pub fn with_card(self, card: Card) -> Self {
         Self { card, ..self }
+    }
+
+    /// The networks that it uses.
+    pub fn networks(&self) -> &Networks {
+        &self.networks
+    }
+
+    /// What its file says of them.
+    pub fn network_entries(&self) -> Vec<NetworkEntry> {
+        networks::entries(&self.networks)
+    }
+
+    /// The same model with these networks.
+    pub fn with_networks(self, networks: Networks) -> Self {
+        Self { networks, ..self }
     }
 
     /// How robots move between its rooms.

@@ -6,7 +6,7 @@ use crate::camera::{Camera, CameraKind, Projection};
 use crate::describe::Descriptor;
 use crate::detect::Keypoint;
 use crate::image::{Image, Limits};
-use crate::model::{Extractor, LoadedModel, Scratch};
+use crate::model::{Extractor, LoadedModel, NetworkEntry, Scratch};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
@@ -56,7 +56,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
         let about = serde_json::json!({
             "digest": digest, "places": model.places(), "camera": model.camera().projection,
             "n_support_vectors": model.n_support_vectors(), "known_probability": model.known_probability(),
-            "card": card, "config": model.config(),
+            "networks": model.network_entries(), "card": card, "config": model.config(),
         });
         say!("{}", serde_json::to_string_pretty(&about)?)?;
         return Ok(());
@@ -71,6 +71,10 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     let known_probability = model.known_probability().map(|least| format!("{least:.2}"));
     add("known from probability", known_probability.unwrap_or_else(|| "never".to_owned()));
     add("support vectors", format!("{:?}", model.n_support_vectors()));
+    for NetworkEntry { name, blake3, n_bytes, .. } in model.network_entries() {
+        let megabytes = n_bytes as f64 / 1e6;
+        add("network", format!("{name}, {megabytes:.1} MB, digest {blake3}"));
+    }
     add("digest", digest.clone());
     say!("{table}\n\n{}", toml::to_string(model.config())?)?;
     Ok(())

@@ -3,7 +3,9 @@
 use super::cue::{Opinion, Sight, pooled};
 use super::held_out::{self, HeldOutDecisions, spread_out};
 use super::machines::{Machines, TrainingSet};
-use super::{Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition, is_known};
+use super::{
+    Card, Classification, Classifier, Config, Extractor, Features, Model, Networks, Recognition, is_known,
+};
 use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::filter::Transitions;
@@ -132,6 +134,7 @@ impl Model {
             classification,
             held_out: matches!(config.classifier, Classifier::KernelSvm(_))
                 .then(|| trainer.gathered((0, Sight::Keypoints), decisions.iter()).thinned()),
+            networks: Networks::new(),
             card: Card::default(),
         };
         progress(TrainingStep { n_done: n_steps, n_steps });
