@@ -143,7 +143,8 @@ impl Prepared {
     /// When [`Config::check`] finds something, or descriptors are of different widths.
     pub fn new(frames: &[&Matrix], config: &Config, seed: u64) -> Result<Self, MemoryError> {
         config.check().unwrap_or_else(|wrong| panic!("{wrong}"));
-        let frames_with_any: Vec<&Matrix> = frames.iter().copied().filter(|frame| frame.n_rows() > 0).collect();
+        let frames_with_any: Vec<&Matrix> =
+            frames.iter().copied().filter(|frame| frame.n_rows() > 0).collect();
         let coding = Arc::new(Coding::fit(&frames_with_any, config.n_dimensions, seed)?);
         let codes: Vec<Vec<i8>> = frames.par_iter().map(|frame| coding.code(frame)).collect();
         let words = Arc::new(Words::fit(&codes.concat(), coding.n_dimensions(), config, seed));

@@ -19,6 +19,7 @@ mod format;
 mod golden;
 mod held_out;
 mod learned;
+mod networks;
 mod opinion;
 mod pool;
 mod sight;
@@ -33,10 +34,13 @@ pub use effort::Effort;
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
-    VerifiedFile, move_into_place, write_about,
+    VerifiedFile, move_into_place, networks_in, networks_of, write_about,
 };
 pub use format::{FORMAT_VERSION, FormatError};
 pub use golden::{GOLDEN_FOLDER, GoldenFrame};
+pub use networks::{
+    CarriedNetwork, Digest, MAX_NETWORK_BYTES, NETWORKS_FOLDER, NetworkEntry, NetworkStore, Networks,
+};
 pub use opinion::{Classifier, MachinesConfig, OpinionConfig, PatternsConfig, Representation, Size};
 pub use sight::{LocalFeatures, Seen, Sight};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
@@ -100,6 +104,7 @@ pub struct Model {
     learned: LearnedFrames,
     /// What the calibration rests on; nothing in files that do not say.
     held_out: HeldOutFrames,
+    networks: Networks,
     card: Card,
 }
 
@@ -137,6 +142,21 @@ impl Model {
     /// The same model with another card.
     pub fn with_card(self, card: Card) -> Self {
         Self { card, ..self }
+    }
+
+    /// The networks that it uses.
+    pub fn networks(&self) -> &Networks {
+        &self.networks
+    }
+
+    /// What its file says of them.
+    pub fn network_entries(&self) -> Vec<NetworkEntry> {
+        networks::entries(&self.networks)
+    }
+
+    /// The same model with these networks.
+    pub fn with_networks(self, networks: Networks) -> Self {
+        Self { networks, ..self }
     }
 
     /// How robots move between its rooms.

@@ -12,7 +12,7 @@ use roomsight::camera::{Camera, Projection};
 use roomsight::dataset;
 use roomsight::filter::{RoomFilter, Step, Transitions, Trust};
 use roomsight::image::{Image, Limits};
-use roomsight::model::{self, Config, Model, Scratch, try_model};
+use roomsight::model::{self, Config, Model, NetworkStore, Scratch, try_model};
 use roomsight::protocol::header::Header;
 use roomsight::protocol::oip::request::Inference;
 use roomsight::protocol::oip::{IndexRequest, LoadRequest};
@@ -97,16 +97,18 @@ fn check_upload(body: &[u8]) {
         max_entries: 16,
         max_bytes: 4 << 20,
         max_model_bytes: 1 << 20,
+        max_network_bytes: 1 << 20,
         max_side_file_bytes: 1 << 18,
     };
     let unpacked = package::unpack(&file, &into, &limits);
     assert_eq!(names(place.path()), ["body", "into"]);
     for name in names(&into) {
-        assert!([model::MODEL_FILE, model::ABOUT_FILE, model::GOLDEN_FOLDER].contains(&&*name), "{name}");
+        let parts = [model::MODEL_FILE, model::ABOUT_FILE, model::GOLDEN_FOLDER, model::NETWORKS_FOLDER];
+        assert!(parts.contains(&&*name), "{name}");
     }
     if unpacked.is_ok() {
         make_digest_right(&into);
-        if let Ok(tried) = try_model(&into, |_| ()) {
+        if let Ok(tried) = try_model(&into, &NetworkStore::default(), |_| ()) {
             check_answer(&tried.loaded.model);
         }
     }

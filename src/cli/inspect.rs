@@ -4,7 +4,7 @@ use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
 use crate::camera::{Camera, CameraKind, Projection};
 use crate::image::{Image, Limits};
-use crate::model::{Extractor, Features, LoadedModel, Scratch, Seen, Sight, Size};
+use crate::model::{Extractor, Features, LoadedModel, NetworkEntry, Scratch, Seen, Sight, Size};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
@@ -54,7 +54,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
         let about = serde_json::json!({
             "digest": digest, "places": model.places(), "camera": model.camera().projection,
             "opinions": model.sizes(), "weights": model.weights(), "known_probability": model.known_probability(),
-            "card": card, "config": model.config(),
+            "networks": model.network_entries(), "card": card, "config": model.config(),
         });
         say!("{}", serde_json::to_string_pretty(&about)?)?;
         return Ok(());
@@ -70,6 +70,10 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     add("known from probability", known_probability.unwrap_or_else(|| "never".to_owned()));
     for (name, size) in model.sizes() {
         add(&format!("opinion {name}"), format!("counts {:.2}; {}", model.weights()[name], size_text(&size)));
+    }
+    for NetworkEntry { name, blake3, n_bytes, .. } in model.network_entries() {
+        let megabytes = n_bytes as f64 / 1e6;
+        add("network", format!("{name}, {megabytes:.1} MB, digest {blake3}"));
     }
     add("digest", digest.clone());
     say!("{table}\n\n{}", toml::to_string(model.config())?)?;

@@ -181,7 +181,7 @@ mod tests {
         let coding = Coding::fit(&[&frame], 3, 1).unwrap();
         assert_eq!((coding.n_inputs(), coding.n_dimensions()), (8, 3));
         assert_eq!(coding.code(&frame).len(), 600);
-        assert_eq!(coding.code(&Matrix::new(0)), []);
+        assert_eq!(coding.code(&Matrix::new(0)), Vec::<i8>::new());
     }
 
     #[test]

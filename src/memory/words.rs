@@ -103,7 +103,9 @@ impl Words {
         let of_chunk = |codes: &[i8]| {
             let rows = ByteRows::new(codes, self.width);
             let nearest = self.nearest(&rows, 1);
-            (0..rows.n_rows()).map(|idx| nearest.of(idx).next().map_or(0, |(_, word)| word)).collect::<Vec<_>>()
+            (0..rows.n_rows())
+                .map(|idx| nearest.of(idx).next().map_or(0, |(_, word)| word))
+                .collect::<Vec<_>>()
         };
         codes.par_chunks(CHUNK * self.width).flat_map_iter(of_chunk).collect()
     }

@@ -44,8 +44,7 @@ impl Instructions for Avx2 {
             let ones = _mm256_set1_epi16(1);
             let add = |products: __m256i, columns: __m256i| {
                 // One factor must be positive. Two products are at most 2 * 127 * 127, which fits 16 bits.
-                let pairs =
-                    _mm256_maddubs_epi16(_mm256_abs_epi8(columns), _mm256_sign_epi8(quads, columns));
+                let pairs = _mm256_maddubs_epi16(_mm256_abs_epi8(columns), _mm256_sign_epi8(quads, columns));
                 _mm256_add_epi32(products, _mm256_madd_epi16(pairs, ones))
             };
             [add(products[0], columns[0]), add(products[1], columns[1])]
