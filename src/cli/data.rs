@@ -28,6 +28,9 @@ const MEMORY_PER_PIXEL: u64 = 10;
 /// The table of opinions in a configuration.
 const OPINIONS: &str = "opinions";
 
+/// What a cue is called that is an opinion on patterns.
+const FRAME_LBP: &str = "frame_lbp";
+
 /// Tables whose keys are names that people choose.
 const BY_NAME: [&str; 2] = [OPINIONS, "weights"];
 
@@ -395,13 +398,18 @@ fn spelled_out(mut table: toml::Table) -> anyhow::Result<toml::Table> {
     }
     if let Some(cue) = table.remove("cue") {
         let mut patterns: toml::Table = cue.try_into()?;
-        if let Some(weight) = patterns.remove("weight") {
+        let kind = patterns.remove("kind");
+        if let Some(kind) = kind.as_ref().filter(|kind| kind.as_str() != Some(FRAME_LBP)) {
+            bail!("cue.kind is {kind}: the only one is {FRAME_LBP}");
+        }
+        // One that is chosen is heard as much as the bag, unless it is said how much.
+        let usual = kind.map(|_| toml::Value::Float(0.5));
+        if let Some(weight) = patterns.remove("weight").or(usual) {
             let weight: f64 = weight.try_into()?;
             let weights = [(BAG, 1.0 - weight), (PATTERNS, weight)];
             let weights = weights.map(|(name, weight)| (name.to_owned(), weight.into()));
             table.insert("weights".to_owned(), toml::Table::from_iter(weights).into());
         }
-        patterns.remove("kind");
         patterns.insert("kind".to_owned(), PATTERNS.into());
         opinions.insert(PATTERNS.to_owned(), patterns.into());
     }

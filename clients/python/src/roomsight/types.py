@@ -46,7 +46,8 @@ class KeypointEvidence:
 
     x: float
     y: float
-    word: int
+    opinion: str
+    word: NotRequired[int]
     weight: float
 
 
