@@ -273,8 +273,17 @@ impl ConfigArgs {
     }
 }
 
-/// Reads an image file within limits.
-pub(super) fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> {
+/// Reads an image file within limits: its luma.
+fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> {
+    Image::decode(&read_encoded(path, limits)?, limits).with_context(|| path.display().to_string())
+}
+
+/// Reads a frame within limits, as far as `extractor` looks at it.
+pub(super) fn read_frame(path: &Path, extractor: &Extractor, limits: &Limits) -> anyhow::Result<Image> {
+    extractor.decode(&read_encoded(path, limits)?, limits).with_context(|| path.display().to_string())
+}
+
+fn read_encoded(path: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
     if path.is_dir() {
         bail!("{} is a folder, not an image: name the files in it", path.display());
     }
@@ -283,7 +292,7 @@ pub(super) fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> 
         // One byte more than is taken, so that a longer file is refused and not cut.
         .and_then(|file| file.take(limits.max_bytes as u64 + 1).read_to_end(&mut bytes))
         .with_context(|| path.display().to_string())?;
-    Image::decode(&bytes, limits).with_context(|| path.display().to_string())
+    Ok(bytes)
 }
 
 /// Loads the model in a folder.
