@@ -158,6 +158,16 @@ impl Network {
         self.digest
     }
 
+    /// The same network for those who want only some of its outputs; what the others alone take is not computed.
+    pub fn limited_to(&self, vector: bool, grids: &[&str], xfeat: bool) -> Self {
+        let mut limited = self.clone();
+        let description = &mut limited.description;
+        description.grids.retain(|name, _| grids.contains(&name.as_str()));
+        description.vector = description.vector.take().filter(|_| vector);
+        description.xfeat = description.xfeat.take().filter(|_| xfeat);
+        limited
+    }
+
     /// Makes the network ready for one thread and for inputs of `size`. Takes some ten milliseconds.
     pub fn session(&self, runtime: &Runtime, size: Size) -> Result<Session, NetworkError> {
         Session::new(&self.onnx, &self.description, runtime, size).map_err(|why| self.refused(why))

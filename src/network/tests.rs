@@ -3,6 +3,7 @@
 use super::description::Description;
 use super::testing::*;
 use super::{MAX_NODES, Network, NetworkError, Runtime, Size};
+use proptest::prelude::*;
 use std::path::Path;
 
 const EMBEDDING: &str = "[vector]\noutput = \"embedding\"\n";
@@ -369,4 +370,51 @@ fn descriptions_with_mistakes_say_what_is_wrong() {
 fn missing_files_are_named() {
     let said = Network::open(Path::new("nowhere/none.onnx")).unwrap_err().to_string();
     assert!(said.starts_with("nowhere/none.onnx: "), "{said}");
+}
+
+#[test]
+fn what_only_unwanted_outputs_take_is_not_computed() {
+    let Some(runtime) = runtime("limiting a network to some outputs") else { return };
+    // The logarithm is infinite, so that computing it would be seen.
+    let mut model = convolution();
+    model.graph().nodes.push(node("Log", "embedding", "logarithms", vec![]));
+    let tables =
+        "[vector]\noutput = \"logarithms\"\n[grids.all]\noutput = \"map\"\n[grids.sums]\noutput = \"sums\"\n";
+    let network = network(&model, tables).unwrap();
+    let black = vec![0.0; 3 * 16 * 8];
+    assert!(network.session(&runtime, SMALL).unwrap().run(&black).is_none());
+    let limited = network.limited_to(false, &["all"], false);
+    let mut session = limited.session(&runtime, SMALL).unwrap();
+    assert_eq!(
+        (session.vector_len(), session.grid_len("all"), session.grid_len("sums")),
+        (None, Some(4), None)
+    );
+    let outputs = session.run(&black).unwrap();
+    assert_eq!((outputs.vector(), outputs.grid("all").unwrap().rows.n_rows()), (None, 0));
+    assert_eq!(outputs.grid("sums"), None);
+}
+
+proptest! {
+    #[test]
+    fn damaged_files_are_refused_or_run(
+        is_transformer: bool,
+        damage in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>()), 1..4),
+    ) {
+        let (model, output) =
+            if is_transformer { (transformer(), "last_hidden_state") } else { (convolution(), "map") };
+        let mut bytes = model.bytes();
+        for (place, byte) in damage {
+            let place = place.index(bytes.len());
+            bytes[place] = byte;
+        }
+        let digest = blake3::hash(&bytes).to_hex();
+        let text = described(&model, &format!("[grids.all]\noutput = \"{output}\"\n"));
+        let text = text.replace(&*blake3::hash(&model.bytes()).to_hex(), &digest);
+        if let Ok(network) = Network::new("damaged", bytes, &text)
+            && let Some(runtime) = runtime("running damaged networks")
+            && let Ok(mut session) = network.tried(&runtime, SMALL)
+        {
+            let _ = session.run(&picture(SMALL, |x, y| [x as f32, y as f32, 1.0]));
+        }
+    }
 }
