@@ -7,6 +7,7 @@ mod data;
 mod demo;
 mod evaluate;
 mod experiment;
+mod forget;
 mod health;
 mod inspect;
 mod key;
@@ -46,6 +47,7 @@ struct Cli {
 enum Command {
     Demo(demo::DemoArgs),
     Train(train::TrainArgs),
+    Forget(forget::ForgetArgs),
     Evaluate(evaluate::EvaluateArgs),
     Validate(validate::ValidateArgs),
     Tune(tune::TuneArgs),
@@ -77,6 +79,7 @@ fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Demo(args) => demo::run(&args),
         Command::Train(args) => train::run(&args),
+        Command::Forget(args) => forget::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Tune(args) => tune::run(&args),

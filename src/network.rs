@@ -8,6 +8,7 @@
 
 mod budget;
 mod description;
+mod input;
 mod onnx;
 mod operators;
 mod outputs;
@@ -19,14 +20,17 @@ mod testing;
 mod tests;
 mod weights;
 mod wire;
+mod xfeat;
 
 pub use description::{
     ColorOrder, Description, GridOutput, Input, Pooling, Size, VectorOutput, XFeatOutputs,
 };
+pub use input::{Around, FrameInput};
 pub use onnx::{MAX_FILE_BYTES, MAX_NODES};
 pub use outputs::{Grid, Outputs, XFeatMaps};
 pub use runtime::{Runtime, RuntimeError};
 pub use session::Session;
+pub use xfeat::XFeat;
 
 use onnx::Graph;
 use rand::{Rng, SeedableRng};

@@ -3,6 +3,8 @@
 
 mod kmeans;
 
+pub(crate) use kmeans::cluster;
+
 use crate::matrix::Matrix;
 use crate::simd::{self, UnitColumns, UnitRows};
 use rand::SeedableRng;

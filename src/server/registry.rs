@@ -31,6 +31,7 @@ pub use state::Version;
 use super::events::Events;
 use super::metrics::Metrics;
 use super::settings::Policy;
+use crate::model::NetworkStore;
 use crate::repository::{DefaultModel, Record, Repository, Role};
 use arc_swap::{ArcSwap, Guard};
 use served::Table;
@@ -55,6 +56,8 @@ pub struct Registry {
     loading: Mutex<()>,
     /// Whether frames may come. Before that nothing has to be held back for them.
     is_open: AtomicBool,
+    /// Versions in memory share the networks that are the same.
+    networks: NetworkStore,
     events: Events,
     metrics: Arc<Metrics>,
 }
