@@ -52,7 +52,7 @@ pub use trial::{Stage, TrialError, TriedModel, try_model};
 
 use crate::camera::Camera;
 use crate::filter::Transitions;
-use crate::image::Image;
+use crate::image::{Image, ImageError, Limits};
 use crate::svm::most_probable;
 use held_out::HeldOutFrames;
 use learned::LearnedFrames;
@@ -191,6 +191,21 @@ impl Model {
     /// wrong too often at any.
     pub fn known_probability(&self) -> Option<f32> {
         self.classification.known_probability
+    }
+
+    /// What sees in frames what its opinions look at.
+    pub fn extractor(&self) -> &Extractor {
+        &self.extractor
+    }
+
+    /// Whether it looks at the colors of frames.
+    pub fn wants_colors(&self) -> bool {
+        self.extractor.wants_colors()
+    }
+
+    /// Decodes a frame of unknown origin to what the model looks at, as [`Extractor::decode`] does.
+    pub fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+        self.extractor.decode(bytes, limits)
     }
 
     /// Which room a frame shows.

@@ -32,6 +32,9 @@ const MEMORY_PER_PIXEL: u64 = 10;
 /// The table of opinions in a configuration.
 const OPINIONS: &str = "opinions";
 
+/// What a cue is called that is an opinion on patterns.
+const FRAME_LBP: &str = "frame_lbp";
+
 /// Tables whose keys are names that people choose.
 const BY_NAME: [&str; 2] = [OPINIONS, "weights"];
 
@@ -301,8 +304,17 @@ impl ConfigArgs {
     }
 }
 
-/// Reads an image file within limits.
-pub(super) fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> {
+/// Reads an image file within limits: its luma.
+fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> {
+    Image::decode(&read_encoded(path, limits)?, limits).with_context(|| path.display().to_string())
+}
+
+/// Reads a frame within limits, as far as `extractor` looks at it.
+pub(super) fn read_frame(path: &Path, extractor: &Extractor, limits: &Limits) -> anyhow::Result<Image> {
+    extractor.decode(&read_encoded(path, limits)?, limits).with_context(|| path.display().to_string())
+}
+
+fn read_encoded(path: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
     if path.is_dir() {
         bail!("{} is a folder, not an image: name the files in it", path.display());
     }
@@ -311,7 +323,7 @@ pub(super) fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> 
         // One byte more than is taken, so that a longer file is refused and not cut.
         .and_then(|file| file.take(limits.max_bytes as u64 + 1).read_to_end(&mut bytes))
         .with_context(|| path.display().to_string())?;
-    Image::decode(&bytes, limits).with_context(|| path.display().to_string())
+    Ok(bytes)
 }
 
 /// Loads the model in a folder.
@@ -426,13 +438,18 @@ fn spelled_out(mut table: toml::Table) -> anyhow::Result<toml::Table> {
     }
     if let Some(cue) = table.remove("cue") {
         let mut patterns: toml::Table = cue.try_into()?;
-        if let Some(weight) = patterns.remove("weight") {
+        let kind = patterns.remove("kind");
+        if let Some(kind) = kind.as_ref().filter(|kind| kind.as_str() != Some(FRAME_LBP)) {
+            bail!("cue.kind is {kind}: the only one is {FRAME_LBP}");
+        }
+        // One that is chosen is heard as much as the bag, unless it is said how much.
+        let usual = kind.map(|_| toml::Value::Float(0.5));
+        if let Some(weight) = patterns.remove("weight").or(usual) {
             let weight: f64 = weight.try_into()?;
             let weights = [(BAG, 1.0 - weight), (PATTERNS, weight)];
             let weights = weights.map(|(name, weight)| (name.to_owned(), weight.into()));
             table.insert("weights".to_owned(), toml::Table::from_iter(weights).into());
         }
-        patterns.remove("kind");
         patterns.insert("kind".to_owned(), PATTERNS.into());
         opinions.insert(PATTERNS.to_owned(), patterns.into());
     }

@@ -6,7 +6,7 @@ use super::sight::{LocalFeatures, Seen, Sight};
 use crate::camera::{Camera, View};
 use crate::describe::{Descriptor, FrameLbp, Sections};
 use crate::detect::{Detector, Keypoint};
-use crate::image::{Image, Region};
+use crate::image::{Image, ImageError, Limits, Region};
 use crate::matrix::Matrix;
 use crate::network::XFeat;
 use crate::plane::ScaleSpace;
@@ -150,6 +150,19 @@ impl Extractor {
         &self.0.camera
     }
 
+    /// Whether a sight looks at colors.
+    pub fn wants_colors(&self) -> bool {
+        self.0.sights.iter().any(Sight::wants_colors)
+    }
+
+    /// Decodes a frame of unknown origin to what is looked at: in color only where a sight wants that, and no
+    /// larger than it must be where it goes beyond `limits`, see [`Limits::enough_side`].
+    pub fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+        let limits = limits.enough_for(self.longest_side());
+        let decode = if self.wants_colors() { Image::decode_with_colors } else { Image::decode };
+        decode(bytes, &limits)
+    }
+
     /// What all sights see of a frame. A `scratch` that served another extractor is emptied before, which costs
     /// time, not truth.
     pub fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
@@ -261,7 +274,6 @@ impl Scaled<'_> {
 mod tests {
     use super::*;
     use crate::camera::Projection;
-    use crate::image::Limits;
     use crate::model::PatternsConfig;
     use image::codecs::jpeg::JpegEncoder;
     use image::{ExtendedColorType, GrayImage, ImageEncoder, Luma};

@@ -72,6 +72,13 @@ impl Sight {
         }
     }
 
+    /// Whether it looks at colors, where a frame has any.
+    pub(super) fn wants_colors(&self) -> bool {
+        match self {
+            Self::Keypoints { .. } | Self::Patterns(_) => false,
+        }
+    }
+
     /// What is wrong with the parameters for frames of this longest side, if anything.
     pub(super) fn check(&self, longest_side: usize) -> Result<(), String> {
         match self {
