@@ -19,6 +19,7 @@ mod format;
 mod golden;
 mod held_out;
 mod learned;
+mod lens;
 mod networks;
 mod opinion;
 mod pool;
@@ -38,10 +39,13 @@ pub use folder::{
 };
 pub use format::{FORMAT_VERSION, FormatError};
 pub use golden::{GOLDEN_FOLDER, GoldenFrame};
+pub use lens::{DEFAULT_NETWORK, Lens};
 pub use networks::{
     CarriedNetwork, Digest, MAX_NETWORK_BYTES, NETWORKS_FOLDER, NetworkEntry, NetworkStore, Networks,
 };
-pub use opinion::{Classifier, MachinesConfig, OpinionConfig, PatternsConfig, Representation, Size};
+pub use opinion::{
+    Classifier, MachinesConfig, OpinionConfig, PatternsConfig, Representation, Size, VectorConfig,
+};
 pub use sight::{LocalFeatures, Seen, Sight};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
 pub use trial::{Stage, TrialError, TriedModel, try_model};

@@ -4,7 +4,10 @@ use super::output;
 use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::dataset::{self, Dataset, Described, Problem};
 use crate::image::{Image, Limits};
-use crate::model::{BAG, Candidate, Config, Effort, Extractor, LoadedModel, Model, PATTERNS};
+use crate::model::{
+    BAG, Candidate, CarriedNetwork, Config, Effort, Extractor, LoadedModel, Model, Networks, PATTERNS,
+};
+use crate::network::Runtime;
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
@@ -12,6 +15,7 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Kinds of problems that get a line each; more are counted.
 const N_LISTED_KINDS: usize = 10;
@@ -136,6 +140,9 @@ pub(super) struct ConfigArgs {
     /// Take these opinions of the configuration only
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     opinions: Vec<String>,
+    /// Folder of the networks that opinions look through: NAME.onnx with NAME.toml, and ONNX Runtime's library
+    #[arg(long, value_name = "FOLDER", default_value = "networks")]
+    networks: PathBuf,
     /// Picture whose dark pixels are parts of the robot that are always in view; it may have any size
     #[arg(long, value_name = "PICTURE")]
     mask: Option<PathBuf>,
@@ -206,6 +213,28 @@ impl ConfigArgs {
         Ok(candidates)
     }
 
+    /// Gives a configuration the networks that it names.
+    fn link(&self, config: &mut Config) -> anyhow::Result<()> {
+        let names = config.network_names();
+        if names.is_empty() {
+            return Ok(());
+        }
+        Runtime::look_into(self.networks.clone());
+        let mut networks = Networks::new();
+        for name in names {
+            let path = self.networks.join(format!("{name}.onnx"));
+            if !path.is_file() {
+                bail!(
+                    "the network {name} is not in {}: run `make networks`, which fetches it, or name the folder \
+                     where it is with --networks",
+                    self.networks.display()
+                );
+            }
+            networks.insert(name, Arc::new(CarriedNetwork::read(&path)?));
+        }
+        config.link(&networks).map_err(anyhow::Error::msg)
+    }
+
     fn with_wanted_opinions(&self, config: Config) -> Config {
         if self.opinions.is_empty() {
             return config;
@@ -235,7 +264,8 @@ impl ConfigArgs {
             // Another variant brings its own parameters, which the next change may name.
             table = toml::Table::try_from(table.try_into::<Config>()?)?;
         }
-        let config = self.with_wanted_opinions(table.try_into()?);
+        let mut config = self.with_wanted_opinions(table.try_into()?);
+        self.link(&mut config)?;
         if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
             bail!("the configuration has no opinion called {name}");
         }
@@ -251,6 +281,7 @@ impl ConfigArgs {
             config: None,
             parameters: parameters.to_vec(),
             opinions: Vec::new(),
+            networks: PathBuf::from("networks"),
             mask: None,
         }
     }

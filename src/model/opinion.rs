@@ -8,13 +8,17 @@
 mod kept;
 mod machines;
 mod patterns;
+mod vector;
+mod whole;
 
 pub use machines::{Classifier, MachinesConfig, Representation};
 pub use patterns::PatternsConfig;
+pub use vector::VectorConfig;
 
 use super::arrays::{Array, Arrays};
 use super::calibration::{Calibration, Way};
 use super::format::FormatError;
+use super::lens::Lens;
 use super::pool::Vote;
 use super::sight::{Seen, Sight};
 use super::{AddError, Features, TrainError};
@@ -22,6 +26,7 @@ use machines::Machines;
 use patterns::Patterns;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use vector::Vector;
 
 /// The sum of the weights that are taken where nothing is known of how well opinions do: more than 1, since what
 /// several say independently is more certain than what one says.
@@ -35,6 +40,8 @@ pub enum OpinionConfig {
     Machines(MachinesConfig),
     /// Machines over the patterns of the whole frame.
     Patterns(PatternsConfig),
+    /// Machines over the vector of a network.
+    Vector(VectorConfig),
 }
 
 /// What a kind of opinion learns from frames, and says of them.
@@ -154,6 +161,7 @@ pub(super) enum Likeness {
 pub(super) enum Learner<'a> {
     Machines(&'a MachinesConfig, <Machines as Recognizer>::Prepared),
     Patterns(&'a PatternsConfig, <Patterns as Recognizer>::Prepared),
+    Vector(&'a VectorConfig, <Vector as Recognizer>::Prepared),
 }
 
 /// What has learned to tell rooms apart.
@@ -161,6 +169,7 @@ pub(super) enum Learner<'a> {
 pub(super) enum Trained {
     Machines(Machines),
     Patterns(Patterns),
+    Vector(Vector),
 }
 
 /// Calls what all kinds have.
@@ -169,6 +178,7 @@ macro_rules! of_each {
         match $value {
             $kinds::Machines($inner) => $body,
             $kinds::Patterns($inner) => $body,
+            $kinds::Vector($inner) => $body,
         }
     };
 }
@@ -179,6 +189,7 @@ macro_rules! again_each {
         match $value {
             Trained::Machines($inner) => Trained::Machines($body),
             Trained::Patterns($inner) => Trained::Patterns($body),
+            Trained::Vector($inner) => Trained::Vector($body),
         }
     };
 }
@@ -187,6 +198,11 @@ impl OpinionConfig {
     /// What it looks at.
     pub fn sight(&self) -> Sight {
         of_each!(Self, self, config => config.sight())
+    }
+
+    /// The network that it looks through, if it does, to be linked.
+    pub(super) fn lens_mut(&mut self) -> Option<&mut Lens> {
+        of_each!(Self, self, config => config.lens_mut())
     }
 
     /// Whether what it learns depends on the seed when frames of known sequences are compared with each other.
@@ -214,6 +230,7 @@ impl OpinionConfig {
         Ok(match self {
             Self::Machines(config) => Learner::Machines(config, Machines::prepare(config, frames, seed)?),
             Self::Patterns(config) => Learner::Patterns(config, Patterns::prepare(config, frames, seed)?),
+            Self::Vector(config) => Learner::Vector(config, Vector::prepare(config, frames, seed)?),
         })
     }
 
@@ -222,6 +239,7 @@ impl OpinionConfig {
         Ok(match self {
             Self::Machines(config) => Trained::Machines(Machines::from_arrays(config, shape, arrays)?),
             Self::Patterns(config) => Trained::Patterns(Patterns::from_arrays(config, shape, arrays)?),
+            Self::Vector(config) => Trained::Vector(Vector::from_arrays(config, shape, arrays)?),
         })
     }
 }
@@ -234,6 +252,9 @@ impl Learner<'_> {
             }
             Self::Patterns(config, prepared) => {
                 Trained::Patterns(Patterns::train(config, prepared, frames, chosen)?)
+            }
+            Self::Vector(config, prepared) => {
+                Trained::Vector(Vector::train(config, prepared, frames, chosen)?)
             }
         })
     }
