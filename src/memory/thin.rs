@@ -27,7 +27,10 @@ pub(super) fn kept(lists: &Lists, origins: &[Origin], n_places: usize, max_descr
 fn words_of_frames(lists: &Lists, n_frames: usize) -> Vec<Vec<u32>> {
     let mut words = vec![Vec::new(); n_frames];
     for list_idx in 0..lists.lengths().len() {
-        lists.frames_of(list_idx).iter().for_each(|&frame_idx| words[frame_idx as usize].push(list_idx as u32));
+        lists
+            .frames_of(list_idx)
+            .iter()
+            .for_each(|&frame_idx| words[frame_idx as usize].push(list_idx as u32));
     }
     words
 }
@@ -60,11 +63,13 @@ impl Room {
     /// Forgets one of at least two frames, and tells which.
     fn forget(&mut self, words: &[Vec<u32>]) -> usize {
         if self.likenesses.is_empty() {
-            self.likenesses = (0..self.frame_idxs.len()).map(|position| self.likeness(position, words)).collect();
+            self.likenesses =
+                (0..self.frame_idxs.len()).map(|position| self.likeness(position, words)).collect();
         }
         // The last has no later one.
         let with_a_later = 0..self.frame_idxs.len() - 1;
-        let position = with_a_later.rev().max_by_key(|&position| self.likenesses[position].share).unwrap_or(0);
+        let position =
+            with_a_later.rev().max_by_key(|&position| self.likenesses[position].share).unwrap_or(0);
         let frame_idx = self.frame_idxs.remove(position);
         self.likenesses.remove(position);
         self.n_descriptors -= words[frame_idx].len();

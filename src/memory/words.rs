@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 /// Descriptors that a list should hold: with fewer, looking for the nearest words costs more than reading lists.
-pub(super) const LIST_LENGTH: usize = 256;
+pub(super) const LIST_LENGTH: usize = 512;
 
 /// So few descriptors are all looked at.
 const N_EXACT: usize = 8192;
@@ -103,7 +103,9 @@ impl Words {
         let of_chunk = |codes: &[i8]| {
             let rows = ByteRows::new(codes, self.width);
             let nearest = self.nearest(&rows, 1);
-            (0..rows.n_rows()).map(|idx| nearest.of(idx).next().map_or(0, |(_, word)| word)).collect::<Vec<_>>()
+            (0..rows.n_rows())
+                .map(|idx| nearest.of(idx).next().map_or(0, |(_, word)| word))
+                .collect::<Vec<_>>()
         };
         codes.par_chunks(CHUNK * self.width).flat_map_iter(of_chunk).collect()
     }

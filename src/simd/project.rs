@@ -23,7 +23,11 @@ impl LinearMap {
     /// When the numbers of weights and offsets do not fit.
     pub fn new(weights: &[f32], offsets: &[f32], n_inputs: usize) -> Self {
         let n_outputs = offsets.len();
-        assert_eq!(weights.len(), n_inputs * n_outputs, "a linear map with weights for another number of inputs");
+        assert_eq!(
+            weights.len(),
+            n_inputs * n_outputs,
+            "a linear map with weights for another number of inputs"
+        );
         let n_blocks = n_outputs.div_ceil(LANES);
         let mut map = Self {
             weights: vec![[0.0; LANES]; n_blocks * n_inputs],
@@ -66,7 +70,11 @@ fn apply_kernel(map: &LinearMap, rows: &[f32], outputs: &mut [f32]) {
                     sums[lane] += input * weights[lane];
                 }
             }
-            outputs.iter_mut().zip(sums).zip(offsets).for_each(|((output, sum), offset)| *output = sum - offset);
+            outputs
+                .iter_mut()
+                .zip(sums)
+                .zip(offsets)
+                .for_each(|((output, sum), offset)| *output = sum - offset);
         }
     }
 }
