@@ -55,7 +55,7 @@ pub struct Config {
     /// The nearest descriptors that are asked for their rooms, k, from 1 to 100. The paper takes 10.
     pub n_neighbors: usize,
     /// The most lists of the inverted index, from 1 to 65,536. There are fewer while they would be short: a list
-    /// for 256 descriptors.
+    /// for 512 descriptors.
     pub n_lists: usize,
     /// The lists that a descriptor visits, at least 1. As many as there are make the search exact.
     pub n_visited: usize,
@@ -65,7 +65,7 @@ pub struct Config {
 
 impl Default for Config {
     fn default() -> Self {
-        Self { n_dimensions: 64, n_neighbors: 10, n_lists: 4096, n_visited: 8, max_descriptors: 2_000_000 }
+        Self { n_dimensions: 32, n_neighbors: 10, n_lists: 4096, n_visited: 16, max_descriptors: 2_000_000 }
     }
 }
 
