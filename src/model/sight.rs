@@ -76,6 +76,7 @@ impl Sight {
     pub(super) fn wants_colors(&self) -> bool {
         match self {
             Self::Keypoints { .. } | Self::Patterns(_) => false,
+            Self::Vector(_) | Self::Grid { .. } | Self::XFeat { .. } => true,
         }
     }
 
