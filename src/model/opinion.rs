@@ -7,11 +7,13 @@
 
 mod kept;
 mod machines;
+mod memory;
 mod patterns;
 mod vector;
 mod whole;
 
 pub use machines::{Classifier, MachinesConfig, Representation};
+pub use memory::{MemoryConfig, Remembered};
 pub use patterns::PatternsConfig;
 pub use vector::VectorConfig;
 
@@ -23,6 +25,7 @@ use super::pool::Vote;
 use super::sight::{Seen, Sight};
 use super::{AddError, Features, TrainError};
 use machines::Machines;
+use memory::Places;
 use patterns::Patterns;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -42,6 +45,8 @@ pub enum OpinionConfig {
     Patterns(PatternsConfig),
     /// Machines over the vector of a network.
     Vector(VectorConfig),
+    /// A memory of local features.
+    Memory(MemoryConfig),
 }
 
 /// What a kind of opinion learns from frames, and says of them.
@@ -155,6 +160,8 @@ pub(super) struct Clue {
 pub(super) enum Likeness {
     /// This word of the opinion's vocabulary.
     Word(usize),
+    /// Something in this frame that was learned.
+    Frame(usize),
 }
 
 /// A configuration, and what its trainings have in common.
@@ -162,6 +169,7 @@ pub(super) enum Learner<'a> {
     Machines(&'a MachinesConfig, <Machines as Recognizer>::Prepared),
     Patterns(&'a PatternsConfig, <Patterns as Recognizer>::Prepared),
     Vector(&'a VectorConfig, <Vector as Recognizer>::Prepared),
+    Memory(&'a MemoryConfig, <Places as Recognizer>::Prepared),
 }
 
 /// What has learned to tell rooms apart.
@@ -170,6 +178,7 @@ pub(super) enum Trained {
     Machines(Machines),
     Patterns(Patterns),
     Vector(Vector),
+    Memory(Places),
 }
 
 /// Calls what all kinds have.
@@ -179,6 +188,7 @@ macro_rules! of_each {
             $kinds::Machines($inner) => $body,
             $kinds::Patterns($inner) => $body,
             $kinds::Vector($inner) => $body,
+            $kinds::Memory($inner) => $body,
         }
     };
 }
@@ -190,6 +200,7 @@ macro_rules! again_each {
             Trained::Machines($inner) => Trained::Machines($body),
             Trained::Patterns($inner) => Trained::Patterns($body),
             Trained::Vector($inner) => Trained::Vector($body),
+            Trained::Memory($inner) => Trained::Memory($body),
         }
     };
 }
@@ -231,6 +242,7 @@ impl OpinionConfig {
             Self::Machines(config) => Learner::Machines(config, Machines::prepare(config, frames, seed)?),
             Self::Patterns(config) => Learner::Patterns(config, Patterns::prepare(config, frames, seed)?),
             Self::Vector(config) => Learner::Vector(config, Vector::prepare(config, frames, seed)?),
+            Self::Memory(config) => Learner::Memory(config, Places::prepare(config, frames, seed)?),
         })
     }
 
@@ -240,6 +252,7 @@ impl OpinionConfig {
             Self::Machines(config) => Trained::Machines(Machines::from_arrays(config, shape, arrays)?),
             Self::Patterns(config) => Trained::Patterns(Patterns::from_arrays(config, shape, arrays)?),
             Self::Vector(config) => Trained::Vector(Vector::from_arrays(config, shape, arrays)?),
+            Self::Memory(config) => Trained::Memory(Places::from_arrays(config, shape, arrays)?),
         })
     }
 }
@@ -255,6 +268,9 @@ impl Learner<'_> {
             }
             Self::Vector(config, prepared) => {
                 Trained::Vector(Vector::train(config, prepared, frames, chosen)?)
+            }
+            Self::Memory(config, prepared) => {
+                Trained::Memory(Places::train(config, prepared, frames, chosen)?)
             }
         })
     }
