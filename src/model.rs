@@ -19,6 +19,7 @@ mod format;
 mod golden;
 mod held_out;
 mod learned;
+mod lens;
 mod networks;
 mod opinion;
 mod pool;
@@ -38,17 +39,21 @@ pub use folder::{
 };
 pub use format::{FORMAT_VERSION, FormatError};
 pub use golden::{GOLDEN_FOLDER, GoldenFrame};
+pub use lens::{DEFAULT_NETWORK, Lens};
 pub use networks::{
     CarriedNetwork, Digest, MAX_NETWORK_BYTES, NETWORKS_FOLDER, NetworkEntry, NetworkStore, Networks,
 };
-pub use opinion::{Classifier, MachinesConfig, OpinionConfig, PatternsConfig, Representation, Size};
+pub use opinion::{
+    Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
+    Size, VectorConfig,
+};
 pub use sight::{LocalFeatures, Seen, Sight};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
 pub use trial::{Stage, TrialError, TriedModel, try_model};
 
 use crate::camera::Camera;
 use crate::filter::Transitions;
-use crate::image::Image;
+use crate::image::{Image, ImageError, Limits};
 use crate::svm::most_probable;
 use held_out::HeldOutFrames;
 use learned::LearnedFrames;
@@ -88,6 +93,8 @@ pub struct Evidence {
     pub y: f32,
     /// The word of the opinion's vocabulary that it was assigned to, where there is one.
     pub word_idx: Option<usize>,
+    /// What the frame is called that has something like it, of those that were learned, where that is known.
+    pub frame: Option<String>,
     /// Its share in the opinion's decision value of the room; negative speaks against it.
     pub weight: f32,
 }
@@ -189,6 +196,21 @@ impl Model {
         self.classification.known_probability
     }
 
+    /// What sees in frames what its opinions look at.
+    pub fn extractor(&self) -> &Extractor {
+        &self.extractor
+    }
+
+    /// Whether it looks at the colors of frames.
+    pub fn wants_colors(&self) -> bool {
+        self.extractor.wants_colors()
+    }
+
+    /// Decodes a frame of unknown origin to what the model looks at, as [`Extractor::decode`] does.
+    pub fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+        self.extractor.decode(bytes, limits)
+    }
+
     /// Which room a frame shows.
     pub fn recognize(&self, image: &Image, scratch: &mut Scratch) -> Recognition {
         self.classify(&self.features(image, scratch))
@@ -214,6 +236,11 @@ impl Model {
                 y: y * features.scale,
                 word_idx: match likeness {
                     Likeness::Word(word_idx) => Some(word_idx),
+                    Likeness::Frame(_) => None,
+                },
+                frame: match likeness {
+                    Likeness::Frame(frame_idx) => self.learned.name(frame_idx).map(str::to_owned),
+                    Likeness::Word(_) => None,
                 },
                 weight,
             };

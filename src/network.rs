@@ -37,16 +37,26 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::fs::File;
 use std::io::{self, Read};
+use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
-/// A network: its ONNX file and its description. Copies share the file.
+/// A network: its ONNX file and its description. Copies share the file, and the sessions that nobody uses now.
 #[derive(Clone, Debug)]
 pub struct Network {
     name: String,
     description: Description,
     onnx: Arc<[u8]>,
     digest: blake3::Hash,
+    idle: Arc<Mutex<Vec<Session>>>,
+}
+
+/// A session that is lent: its network has it back when this is dropped.
+#[derive(Debug)]
+pub struct Lent {
+    /// Always there until then.
+    session: Option<Session>,
+    idle: Arc<Mutex<Vec<Session>>>,
 }
 
 /// Why there is no such network.
@@ -112,7 +122,7 @@ impl Network {
         let onnx = read_limited(path, MAX_FILE_BYTES).map_err(in_file(path))?;
         let beside = path.with_extension("toml");
         match read_limited(&beside, MAX_DESCRIPTION_BYTES) {
-            Ok(text) => Self::new(&name, onnx, &String::from_utf8_lossy(&text)),
+            Ok(text) => Self::new(&name, onnx.into(), &String::from_utf8_lossy(&text)),
             Err(error) if error.kind() == io::ErrorKind::NotFound => {
                 let graph = Graph::read(&onnx).map_err(|why| NetworkError::Refused { name, why })?;
                 let digest = blake3::hash(&onnx).to_hex();
@@ -125,7 +135,7 @@ impl Network {
 
     /// A network from the bytes of its ONNX file and the text of its description. Both are checked, as far as
     /// that is possible without ONNX Runtime.
-    pub fn new(name: &str, onnx: Vec<u8>, description: &str) -> Result<Self, NetworkError> {
+    pub fn new(name: &str, onnx: Arc<[u8]>, description: &str) -> Result<Self, NetworkError> {
         let name = name.to_owned();
         let description = match Description::read(description) {
             Ok(description) => description,
@@ -137,7 +147,7 @@ impl Network {
             return Err(NetworkError::OtherDigest { name, found, expected: description.digest });
         }
         match Graph::read(&onnx) {
-            Ok(_) => Ok(Self { name, description, onnx: onnx.into(), digest }),
+            Ok(_) => Ok(Self { name, description, onnx, digest, idle: Arc::default() }),
             Err(why) => Err(NetworkError::Refused { name, why }),
         }
     }
@@ -157,9 +167,24 @@ impl Network {
         &self.onnx
     }
 
+    /// The same, shared.
+    pub fn file(&self) -> Arc<[u8]> {
+        Arc::clone(&self.onnx)
+    }
+
     /// BLAKE3 of the ONNX file.
     pub fn digest(&self) -> blake3::Hash {
         self.digest
+    }
+
+    /// The same network for those who want only some of its outputs; what the others alone take is not computed.
+    pub fn limited_to(&self, vector: bool, grids: &[&str], xfeat: bool) -> Self {
+        let mut limited = Self { idle: Arc::default(), ..self.clone() };
+        let description = &mut limited.description;
+        description.grids.retain(|name, _| grids.contains(&name.as_str()));
+        description.vector = description.vector.take().filter(|_| vector);
+        description.xfeat = description.xfeat.take().filter(|_| xfeat);
+        limited
     }
 
     /// Makes the network ready for one thread and for inputs of `size`. Takes some ten milliseconds.
@@ -187,8 +212,41 @@ impl Network {
         Ok(session)
     }
 
+    /// One session for inputs of `size`, for as long as the caller needs it: one that was used before, or a new one
+    /// that was tried.
+    pub fn lend(&self, runtime: &Runtime, size: Size) -> Result<Lent, NetworkError> {
+        let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let same_size = idle.iter().position(|session| session.size() == size);
+        let kept = same_size.map(|idx| idle.swap_remove(idx));
+        // Making one takes long, and others may go on meanwhile.
+        drop(idle);
+        let session = kept.map_or_else(|| self.tried(runtime, size), Ok)?;
+        Ok(Lent { session: Some(session), idle: Arc::clone(&self.idle) })
+    }
+
     fn refused(&self, why: String) -> NetworkError {
         NetworkError::Refused { name: self.name.clone(), why }
+    }
+}
+
+impl Deref for Lent {
+    type Target = Session;
+
+    fn deref(&self) -> &Session {
+        self.session.as_ref().expect("it is there until it is given back")
+    }
+}
+
+impl DerefMut for Lent {
+    fn deref_mut(&mut self) -> &mut Session {
+        self.session.as_mut().expect("it is there until it is given back")
+    }
+}
+
+impl Drop for Lent {
+    fn drop(&mut self) {
+        let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        idle.extend(self.session.take());
     }
 }
 

@@ -54,15 +54,8 @@ pub fn rounds(samples: &[Sample], protocol: &Protocol, seed: u64) -> Vec<Round> 
             (0..samples.len()).map(|left_out| Round::new(samples.len(), |idx| idx == left_out)).collect()
         }
         Protocol::Random(n_train) => {
-            let mut order: Vec<usize> = (0..samples.len()).collect();
-            order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-            let mut n_drawn = vec![0; label.len()];
-            let mut trains = vec![false; samples.len()];
-            for idx in order {
-                n_drawn[labels[idx]] += 1;
-                trains[idx] = n_drawn[labels[idx]] <= n_train;
-            }
-            vec![Round::new(samples.len(), |idx| !trains[idx])]
+            let drawn: BTreeSet<usize> = draw(samples, n_train, seed).into_iter().collect();
+            vec![Round::new(samples.len(), |idx| !drawn.contains(&idx))]
         }
     };
     rounds
@@ -70,6 +63,20 @@ pub fn rounds(samples: &[Sample], protocol: &Protocol, seed: u64) -> Vec<Round> 
         .map(|round: Round| round.answerable(&labels))
         .filter(|round| !round.test.is_empty())
         .collect()
+}
+
+/// This many samples of each room, or all where there are fewer, drawn anew for each seed; in their order.
+pub fn draw(samples: &[Sample], n_of_room: usize, seed: u64) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..samples.len()).collect();
+    order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+    let mut n_drawn: BTreeMap<&str, usize> = BTreeMap::new();
+    order.retain(|&idx| {
+        let n_drawn = n_drawn.entry(&samples[idx].place).or_default();
+        *n_drawn += 1;
+        *n_drawn <= n_of_room
+    });
+    order.sort_unstable();
+    order
 }
 
 impl Round {

@@ -97,7 +97,7 @@ impl Vocabulary {
     pub fn train(descriptors: &[&Matrix], config: &Config, seed: u64) -> Result<Self, VocabularyError> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let sample = draw(descriptors, config.max_descriptors, &mut random);
-        let centers = kmeans::cluster(&sample, config.n_words, config.max_rounds, &mut random)?;
+        let centers = cluster(&sample, config.n_words, config.max_rounds, &mut random)?;
         Ok(Self::new(centers, config.normalization))
     }
 

@@ -108,8 +108,9 @@ fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
         }
         None => (args.config.read()?, Camera::new(projection(args.camera.into())?)),
     };
-    let image = data::read_image(path, &Limits::default().enough_for(config.longest_side))?;
-    let features = Extractor::new(&config, camera.clone()).extract(&image, &mut Scratch::default());
+    let extractor = Extractor::new(&config, camera.clone());
+    let image = data::read_frame(path, &extractor, &Limits::default())?;
+    let features = extractor.extract(&image, &mut Scratch::default());
     let working = image.shrink_to(config.longest_side).unwrap_or(image);
     let picture = picture(&working, &camera, &config.sights(), &features);
     let here = || path.with_extension("inspect.png").file_name().map(PathBuf::from).unwrap_or_default();

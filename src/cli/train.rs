@@ -7,7 +7,7 @@ use super::models::{self, CacheArgs, Local};
 use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Evaluation;
-use crate::image::{Image, Limits};
+use crate::image::Limits;
 use crate::model::{
     Addition, Card, Choice, Extractor, GoldenFrame, HeldOut, Measurement, Model, Sample, Training,
     TrainingStep, Trials, all_opinions, choose,
@@ -326,7 +326,7 @@ fn golden_frames(
     // Whoever loads the model reads its frames within the default limits: it must see what training saw.
     let looks_the_same = |bytes: &[u8]| {
         let size = |limits: Limits| {
-            let image = Image::decode(bytes, &limits.enough_for(model.config().longest_side)).ok()?;
+            let image = model.decode(bytes, &limits).ok()?;
             Some((image.width(), image.height()))
         };
         size(*limits) == size(Limits::default())

@@ -14,6 +14,9 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io;
 
+/// Frames of each room that train where they are drawn at random.
+const DEFAULT_TRAIN_FRAMES: usize = 100;
+
 /// Measure a configuration: train on some frames, answer the others, for several seeds
 ///
 /// Either a protocol makes the split, or the split is given: by sequences (--train and --test) or by the
@@ -27,9 +30,9 @@ pub(super) struct ValidateArgs {
     /// How to split [default: sequences, unless a split is given]
     #[arg(long, value_enum, conflicts_with_all = ["train", "train_split"])]
     protocol: Option<ProtocolName>,
-    /// With --protocol random: how many frames of each room train
-    #[arg(long, default_value_t = 100, value_name = "N", value_parser = data::at_least(1))]
-    train_frames: usize,
+    /// How many frames of each room train, drawn anew for each seed [default: 100 with --protocol random, else all]
+    #[arg(long, value_name = "N", value_parser = data::at_least(1))]
+    train_frames: Option<usize>,
     /// Train on sequences that match, such as '*cloudy1'
     #[arg(long, value_name = "PATTERNS", requires = "test")]
     train: Option<String>,
@@ -145,10 +148,15 @@ impl ValidateArgs {
 }
 
 fn by_protocol(args: &ValidateArgs, trainee: &Trainee, dataset: &Dataset) -> anyhow::Result<Vec<Report>> {
+    if args.train_frames.is_some() && !matches!(args.protocol, Some(ProtocolName::Random)) {
+        bail!("--train-frames draws frames for --protocol random, or of a given split");
+    }
     let (name, protocol) = match args.protocol {
         None | Some(ProtocolName::Sequences) => ("left-out sequences", Protocol::Sequences(args.folds.folds)),
         Some(ProtocolName::LeaveOneOut) => ("left-out frames", Protocol::LeaveOneOut),
-        Some(ProtocolName::Random) => ("random split", Protocol::Random(args.train_frames)),
+        Some(ProtocolName::Random) => {
+            ("random split", Protocol::Random(args.train_frames.unwrap_or(DEFAULT_TRAIN_FRAMES)))
+        }
     };
     dataset.check()?;
     if let Protocol::Sequences(_) = protocol {
@@ -223,7 +231,14 @@ fn by_given_split(
     let mut by_test: Vec<Vec<Report>> = tests.iter().map(none_yet).collect();
     for seed in 0..args.folds.seeds {
         let config = Config { seed, ..config.clone() };
-        let models = method.train(&samples, (&config, &camera))?;
+        let drawn: Vec<&Sample> = match args.train_frames {
+            Some(n_of_room) => validate::draw(&trained_on.samples, n_of_room, seed)
+                .into_iter()
+                .map(|idx| samples[idx])
+                .collect(),
+            None => samples.clone(),
+        };
+        let models = method.train(&drawn, (&config, &camera))?;
         for (test, reports) in tests.iter().zip(&mut by_test) {
             for Trained { team_idx, model, choice } in &models {
                 let answer = |sample_idx| validate::answer(model, &test.described.samples, sample_idx);

@@ -1,7 +1,7 @@
 //! Time and memory: Lu, section 6.8. The only figures that differ from run to run, and so are never kept.
 
 use super::{Cost, Drive, ExperimentError, Occlusion};
-use crate::image::{Image, Limits};
+use crate::image::Limits;
 use crate::model::{BAG, Config, Extractor, Model, Sample, Scratch};
 use crate::validate::{median, timed};
 use std::env::consts::ARCH;
@@ -25,7 +25,7 @@ pub(super) fn measure([train, test]: [&Drive; 2], config: &Config) -> Result<Cos
     let limits = Limits::default();
     for frame in test.dataset.frames.iter().step_by(stride) {
         let Ok(bytes) = fs::read(&frame.path) else { continue };
-        let (image, decode_ms) = timed(|| Image::decode(&bytes, &limits));
+        let (image, decode_ms) = timed(|| extractor.decode(&bytes, &limits));
         let Ok(image) = image else { continue };
         let (features, features_ms) = timed(|| extractor.extract(&image, &mut scratch));
         let (_, classify_ms) = timed(|| model.classify(&features));

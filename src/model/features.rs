@@ -1,12 +1,14 @@
 //! A frame to what opinions see of it: what training and recognition have in common.
 
 use super::Config;
+use super::lens::{Lens, Look};
 use super::sight::{LocalFeatures, Seen, Sight};
 use crate::camera::{Camera, View};
 use crate::describe::{Descriptor, FrameLbp, Sections};
 use crate::detect::{Detector, Keypoint};
-use crate::image::{Image, Region};
+use crate::image::{Image, ImageError, Limits, Region};
 use crate::matrix::Matrix;
+use crate::network::XFeat;
 use crate::plane::ScaleSpace;
 use std::sync::Arc;
 
@@ -84,6 +86,53 @@ struct Scaled<'a> {
     view: &'a View,
 }
 
+/// What networks say of a frame as it came, with its colors; each is asked once.
+struct Looks<'a> {
+    image: &'a Image,
+    view: &'a View,
+    /// Pixels of it for one at working size.
+    reduction: f32,
+    so_far: Vec<(&'a Lens, Option<Look<'a>>)>,
+}
+
+impl<'a> Looks<'a> {
+    /// What the network says of the whole frame; nothing where it cannot run.
+    fn vector(&mut self, lens: &'a Lens) -> Vec<f32> {
+        self.through(lens).map_or_else(Vec::new, Look::vector)
+    }
+
+    fn grid(&mut self, lens: &'a Lens, grid: &str) -> LocalFeatures {
+        let n_dimensions = lens.grid_len(grid);
+        let cells = self.through(lens).map(|look| look.grid(grid, n_dimensions));
+        self.at_working_size(cells.unwrap_or_else(|| LocalFeatures::nothing(n_dimensions)))
+    }
+
+    fn xfeat(&mut self, lens: &'a Lens, target: usize) -> LocalFeatures {
+        let found = self.through(lens).map(|look| look.xfeat(target));
+        self.at_working_size(found.unwrap_or_else(|| LocalFeatures::nothing(XFeat::N_DIMENSIONS)))
+    }
+
+    fn through(&mut self, lens: &'a Lens) -> Option<&Look<'a>> {
+        let camera = self.view.projection().kind();
+        let known = self.so_far.iter().position(|(other, _)| other.looks_as(lens, camera));
+        let idx = known.unwrap_or_else(|| {
+            self.so_far.push((lens, lens.look(self.image, self.view)));
+            self.so_far.len() - 1
+        });
+        self.so_far[idx].1.as_ref()
+    }
+
+    /// Middles of pixels are whole numbers in both.
+    fn at_working_size(&self, mut local: LocalFeatures) -> LocalFeatures {
+        for keypoint in &mut local.keypoints {
+            keypoint.x = (keypoint.x + 0.5) / self.reduction - 0.5;
+            keypoint.y = (keypoint.y + 0.5) / self.reduction - 0.5;
+            keypoint.scale /= self.reduction;
+        }
+        local
+    }
+}
+
 impl Extractor {
     /// What `config` says, for frames of `camera`.
     pub fn new(config: &Config, camera: Camera) -> Self {
@@ -101,6 +150,19 @@ impl Extractor {
         &self.0.camera
     }
 
+    /// Whether a sight looks at colors.
+    pub fn wants_colors(&self) -> bool {
+        self.0.sights.iter().any(Sight::wants_colors)
+    }
+
+    /// Decodes a frame of unknown origin to what is looked at: in color only where a sight wants that, and no
+    /// larger than it must be where it goes beyond `limits`, see [`Limits::enough_side`].
+    pub fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+        let limits = limits.enough_for(self.longest_side());
+        let decode = if self.wants_colors() { Image::decode_with_colors } else { Image::decode };
+        decode(bytes, &limits)
+    }
+
     /// What all sights see of a frame. A `scratch` that served another extractor is emptied before, which costs
     /// time, not truth.
     pub fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
@@ -113,7 +175,7 @@ impl Extractor {
 
 impl Parameters {
     /// `scratch` is ours.
-    fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
+    fn extract<'s>(&'s self, image: &Image, scratch: &mut Scratch) -> Features {
         let shrunk = image.shrink_to(self.longest_side);
         let frame = shrunk.as_ref().unwrap_or(image);
         let size = (frame.width(), frame.height());
@@ -128,13 +190,31 @@ impl Parameters {
             }
         };
         let scaled = Scaled { frame, visible, view };
-        let see = |sight: &Sight| match sight {
+        // Whoever looks through a network sees the frame as it came.
+        let has_lens = self.sights.iter().any(|sight| sight.lens().is_some());
+        let unshrunk = (has_lens && shrunk.is_some()).then(|| {
+            let whole = self.camera.view(image.width(), image.height());
+            match image.visible() {
+                Some(visible) => whole.within(visible),
+                None => whole,
+            }
+        });
+        let mut looks = Looks {
+            image,
+            view: unshrunk.as_ref().unwrap_or(view),
+            reduction: image.width() as f32 / frame.width() as f32,
+            so_far: Vec::new(),
+        };
+        let see = |sight: &'s Sight| match sight {
             Sight::Keypoints { detector, descriptor } => {
                 Seen::Local(scaled.describe((detector, descriptor), &mut scratch.space))
             }
             Sight::Patterns(histograms) => {
                 Seen::Whole(self.describe_frame(&scaled, histograms, &mut scratch.sections))
             }
+            Sight::Vector(lens) => Seen::Whole(looks.vector(lens)),
+            Sight::Grid { lens, grid } => Seen::Local(looks.grid(lens, grid)),
+            Sight::XFeat { lens, target } => Seen::Local(looks.xfeat(lens, *target)),
         };
         let seen = self.sights.iter().map(see).collect();
         Features {
@@ -194,7 +274,6 @@ impl Scaled<'_> {
 mod tests {
     use super::*;
     use crate::camera::Projection;
-    use crate::image::Limits;
     use crate::model::PatternsConfig;
     use image::codecs::jpeg::JpegEncoder;
     use image::{ExtendedColorType, GrayImage, ImageEncoder, Luma};

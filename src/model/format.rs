@@ -78,6 +78,9 @@ pub enum FormatError {
         "the model file and model.json name different networks: send the model's whole folder as `train` writes it"
     )]
     OtherNetworks,
+    /// A network that it looks through cannot be used here.
+    #[error("{0}")]
+    Network(String),
 }
 
 /// All that is not an array.
@@ -185,7 +188,9 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
     if metadata.networks != networks::entries(&networks) {
         return Err(FormatError::OtherNetworks);
     }
-    let Metadata { places, camera, known_probability, config, card, format_version, weights, .. } = metadata;
+    let Metadata { places, camera, known_probability, mut config, card, format_version, weights, .. } =
+        metadata;
+    config.link(&networks).map_err(FormatError::Network)?;
     config.check().map_err(FormatError::Damaged)?;
     let distinct: BTreeSet<&str> = places.iter().map(String::as_str).collect();
     require(distinct.len() == places.len() && places.len() >= 2, "its rooms are not distinct")?;

@@ -4,13 +4,14 @@
 //! first. The model file names both by their digests, so that its own digest covers them.
 
 use super::folder::{LoadError, read_bounded, refused, write_new};
+use crate::network::{Network, NetworkError};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError, Weak};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 
 /// Where they lie in a model's folder.
 pub const NETWORKS_FOLDER: &str = "networks";
@@ -45,13 +46,23 @@ pub struct NetworkEntry {
     pub toml_blake3: Digest,
 }
 
-/// A network in memory.
-#[derive(Debug, PartialEq, Eq)]
+/// A network in memory. Equal ones have the same files.
+#[derive(Debug)]
 pub struct CarriedNetwork {
-    onnx: Vec<u8>,
+    onnx: Arc<[u8]>,
     toml: Vec<u8>,
     digests: NetworkDigests,
+    /// From when it was first looked into.
+    opened: OnceLock<Network>,
 }
+
+impl PartialEq for CarriedNetwork {
+    fn eq(&self, other: &Self) -> bool {
+        self.digests == other.digests
+    }
+}
+
+impl Eq for CarriedNetwork {}
 
 /// Of the ONNX file and of its description: what tells networks apart.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -147,7 +158,8 @@ impl NetworkEntry {
         let path = folder.join(self.onnx_path());
         let onnx = read_bounded(&path, MAX_NETWORK_BYTES)?;
         check_digest(&path, &Digest::of(&onnx), &self.blake3)?;
-        Ok(CarriedNetwork { onnx, toml: self.read_toml(folder)?, digests: self.digests() })
+        let (onnx, toml, digests) = (onnx.into(), self.read_toml(folder)?, self.digests());
+        Ok(CarriedNetwork { onnx, toml, digests, opened: OnceLock::new() })
     }
 
     fn read_toml(&self, folder: &Path) -> Result<Vec<u8>, LoadError> {
@@ -175,7 +187,25 @@ impl CarriedNetwork {
     /// A network with its description.
     pub fn new(onnx: Vec<u8>, toml: Vec<u8>) -> Self {
         let digests = NetworkDigests { onnx: Digest::of(&onnx), toml: Digest::of(&toml) };
-        Self { onnx, toml, digests }
+        Self { onnx: onnx.into(), toml, digests, opened: OnceLock::new() }
+    }
+
+    /// `NAME.onnx`, and `NAME.toml` beside it.
+    pub fn read(path: &Path) -> Result<Self, NetworkError> {
+        let network = Network::open(path)?;
+        let toml = path.with_extension("toml");
+        let toml = fs::read(&toml).map_err(|source| NetworkError::Io { path: toml, source })?;
+        let digests = NetworkDigests { onnx: Digest::of(network.onnx()), toml: Digest::of(&toml) };
+        Ok(Self { onnx: network.file(), toml, digests, opened: OnceLock::from(network) })
+    }
+
+    /// The network that the files are, which all who open it share. `name` is what errors call it.
+    pub fn open(&self, name: &str) -> Result<&Network, NetworkError> {
+        if let Some(network) = self.opened.get() {
+            return Ok(network);
+        }
+        let network = Network::new(name, Arc::clone(&self.onnx), &String::from_utf8_lossy(&self.toml))?;
+        Ok(self.opened.get_or_init(|| network))
     }
 }
 

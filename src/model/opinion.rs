@@ -7,21 +7,29 @@
 
 mod kept;
 mod machines;
+mod memory;
 mod patterns;
+mod vector;
+mod whole;
 
 pub use machines::{Classifier, MachinesConfig, Representation};
+pub use memory::{MemoryConfig, Remembered};
 pub use patterns::PatternsConfig;
+pub use vector::VectorConfig;
 
 use super::arrays::{Array, Arrays};
 use super::calibration::{Calibration, Way};
 use super::format::FormatError;
+use super::lens::Lens;
 use super::pool::Vote;
 use super::sight::{Seen, Sight};
 use super::{AddError, Features, TrainError};
 use machines::Machines;
+use memory::Places;
 use patterns::Patterns;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
+use vector::Vector;
 
 /// The sum of the weights that are taken where nothing is known of how well opinions do: more than 1, since what
 /// several say independently is more certain than what one says.
@@ -35,6 +43,10 @@ pub enum OpinionConfig {
     Machines(MachinesConfig),
     /// Machines over the patterns of the whole frame.
     Patterns(PatternsConfig),
+    /// Machines over the vector of a network.
+    Vector(VectorConfig),
+    /// A memory of local features.
+    Memory(MemoryConfig),
 }
 
 /// What a kind of opinion learns from frames, and says of them.
@@ -148,12 +160,16 @@ pub(super) struct Clue {
 pub(super) enum Likeness {
     /// This word of the opinion's vocabulary.
     Word(usize),
+    /// Something in this frame that was learned.
+    Frame(usize),
 }
 
 /// A configuration, and what its trainings have in common.
 pub(super) enum Learner<'a> {
     Machines(&'a MachinesConfig, <Machines as Recognizer>::Prepared),
     Patterns(&'a PatternsConfig, <Patterns as Recognizer>::Prepared),
+    Vector(&'a VectorConfig, <Vector as Recognizer>::Prepared),
+    Memory(&'a MemoryConfig, <Places as Recognizer>::Prepared),
 }
 
 /// What has learned to tell rooms apart.
@@ -161,6 +177,8 @@ pub(super) enum Learner<'a> {
 pub(super) enum Trained {
     Machines(Machines),
     Patterns(Patterns),
+    Vector(Vector),
+    Memory(Places),
 }
 
 /// Calls what all kinds have.
@@ -169,6 +187,8 @@ macro_rules! of_each {
         match $value {
             $kinds::Machines($inner) => $body,
             $kinds::Patterns($inner) => $body,
+            $kinds::Vector($inner) => $body,
+            $kinds::Memory($inner) => $body,
         }
     };
 }
@@ -179,6 +199,8 @@ macro_rules! again_each {
         match $value {
             Trained::Machines($inner) => Trained::Machines($body),
             Trained::Patterns($inner) => Trained::Patterns($body),
+            Trained::Vector($inner) => Trained::Vector($body),
+            Trained::Memory($inner) => Trained::Memory($body),
         }
     };
 }
@@ -187,6 +209,11 @@ impl OpinionConfig {
     /// What it looks at.
     pub fn sight(&self) -> Sight {
         of_each!(Self, self, config => config.sight())
+    }
+
+    /// The network that it looks through, if it does, to be linked.
+    pub(super) fn lens_mut(&mut self) -> Option<&mut Lens> {
+        of_each!(Self, self, config => config.lens_mut())
     }
 
     /// Whether what it learns depends on the seed when frames of known sequences are compared with each other.
@@ -214,6 +241,8 @@ impl OpinionConfig {
         Ok(match self {
             Self::Machines(config) => Learner::Machines(config, Machines::prepare(config, frames, seed)?),
             Self::Patterns(config) => Learner::Patterns(config, Patterns::prepare(config, frames, seed)?),
+            Self::Vector(config) => Learner::Vector(config, Vector::prepare(config, frames, seed)?),
+            Self::Memory(config) => Learner::Memory(config, Places::prepare(config, frames, seed)?),
         })
     }
 
@@ -222,6 +251,8 @@ impl OpinionConfig {
         Ok(match self {
             Self::Machines(config) => Trained::Machines(Machines::from_arrays(config, shape, arrays)?),
             Self::Patterns(config) => Trained::Patterns(Patterns::from_arrays(config, shape, arrays)?),
+            Self::Vector(config) => Trained::Vector(Vector::from_arrays(config, shape, arrays)?),
+            Self::Memory(config) => Trained::Memory(Places::from_arrays(config, shape, arrays)?),
         })
     }
 }
@@ -234,6 +265,12 @@ impl Learner<'_> {
             }
             Self::Patterns(config, prepared) => {
                 Trained::Patterns(Patterns::train(config, prepared, frames, chosen)?)
+            }
+            Self::Vector(config, prepared) => {
+                Trained::Vector(Vector::train(config, prepared, frames, chosen)?)
+            }
+            Self::Memory(config, prepared) => {
+                Trained::Memory(Places::train(config, prepared, frames, chosen)?)
             }
         })
     }

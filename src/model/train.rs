@@ -4,11 +4,12 @@ use super::held_out::{self, Decided, Fusion, HeldOutFrames, Outcome, spread_out}
 use super::learned::LearnedFrames;
 use super::opinion::{Chosen, Learner, Opinion, OpinionConfig, Trained};
 use super::sight::Seen;
-use super::{Card, Classification, Config, Extractor, Features, Model, Networks, Recognition, is_known};
+use super::{Card, Classification, Config, Extractor, Features, Model, Recognition, is_known};
 use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::filter::Transitions;
 use crate::folds::{folds, spread_single_fold_labels};
+use crate::memory::MemoryError;
 use crate::svm::{self, SvmError};
 use crate::vocabulary::VocabularyError;
 use rayon::prelude::*;
@@ -73,6 +74,9 @@ pub enum TrainError {
     /// No support vector machine.
     #[error(transparent)]
     Svm(#[from] SvmError),
+    /// No memory.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
     /// No ensembles.
     #[error(transparent)]
     Boost(#[from] BoostError),
@@ -247,7 +251,7 @@ impl<'a> Trials<'a> {
             learned: LearnedFrames::new(self.samples, &self.labels),
             held_out: HeldOutFrames::new(decided.into_iter().cloned().collect()).thinned(),
             places: self.places.clone(),
-            networks: Networks::new(),
+            networks: config.networks(),
             card: Card::default(),
         };
         Ok(Training { model, held_out: held_out.collect() })

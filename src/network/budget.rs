@@ -176,7 +176,7 @@ fn told_by_runtime(
     dims: &[usize],
 ) -> Result<BTreeMap<String, Tensor>, String> {
     let names = graph.nodes.iter().flat_map(|node| node.outputs.iter().copied());
-    let file = graph.rewritten(dims, names.filter(|name| !name.is_empty()));
+    let file = graph.rewritten(dims, &names.filter(|name| !name.is_empty()).collect());
     // Without optimization nothing is computed beforehand, however large it would be.
     let builder = runtime
         .session(GraphOptimizationLevel::Disable)

@@ -174,21 +174,30 @@ impl<'a> Graph<'a> {
         }
     }
 
-    /// The file once more, for an input of `dims` and with `outputs` alone. Sizes that the file claims for
-    /// other tensors are left out, so that they are told by the operations.
-    pub fn rewritten<'n>(&self, dims: &[usize], outputs: impl IntoIterator<Item = &'n str>) -> Vec<u8> {
+    /// The file once more, for an input of `dims`, with `outputs` alone and the operations that they take.
+    /// Sizes that the file claims for other tensors are left out, so that they are told by the operations.
+    pub fn rewritten(&self, dims: &[usize], outputs: &BTreeSet<&str>) -> Vec<u8> {
+        let needed = self.needed_for(outputs);
         let mut graph = Vec::with_capacity(self.file.len());
+        let mut node_idx = 0;
         for field in self.graph_fields() {
-            let is_input = field.number == GRAPH_INPUT
-                && tensor_name(&field).is_some_and(|name| !self.weights.contains_key(name));
-            if !is_input && !matches!(field.number, GRAPH_OUTPUT | GRAPH_VALUE_INFO) {
+            let is_kept = match field.number {
+                GRAPH_NODE => {
+                    node_idx += 1;
+                    needed[node_idx - 1]
+                }
+                GRAPH_INPUT => tensor_name(&field).is_some_and(|name| self.weights.contains_key(name)),
+                GRAPH_OUTPUT | GRAPH_VALUE_INFO => false,
+                _ => true,
+            };
+            if is_kept {
                 graph.extend_from_slice(field.raw);
             }
         }
         for input in &self.inputs {
             put_bytes(&mut graph, GRAPH_INPUT, &float_tensor(input.name, dims));
         }
-        for name in outputs {
+        for &name in outputs {
             let mut tensor = Vec::new();
             put_bytes(&mut tensor, 1, name.as_bytes());
             put_bytes(&mut graph, GRAPH_OUTPUT, &tensor);
@@ -199,6 +208,20 @@ impl<'a> Graph<'a> {
         }
         put_bytes(&mut model, MODEL_GRAPH, &graph);
         model
+    }
+
+    /// Of each operation whether one of `outputs` takes it, directly or through others. Operations stand behind
+    /// those that they take.
+    fn needed_for(&self, outputs: &BTreeSet<&str>) -> Vec<bool> {
+        let mut wanted = outputs.clone();
+        let mut needed = vec![false; self.nodes.len()];
+        for (node, is_needed) in self.nodes.iter().zip(&mut needed).rev() {
+            *is_needed = node.outputs.iter().any(|name| wanted.contains(name));
+            if *is_needed {
+                wanted.extend(&node.inputs);
+            }
+        }
+        needed
     }
 
     fn graph_fields(&self) -> impl Iterator<Item = Field<'a>> {

@@ -18,8 +18,8 @@ pub struct Outputs {
 /// A picture, described cell by cell.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Grid {
-    /// The middle of each cell in pixels of the input, row by row; the response is the length that the cell's row
-    /// had.
+    /// The middle of each cell in pixels of the input, whose own middles are whole numbers, row by row; the response is
+    /// the length that the cell's row had.
     pub keypoints: Vec<Keypoint>,
     /// One row a cell, of length 1.
     pub rows: Matrix,
@@ -223,7 +223,7 @@ impl Outputs {
     pub fn grid(&self, name: &str) -> Option<Grid> {
         let &GridForm { ref output, n_columns, n_rows, form } = self.forms.grids.get(name)?;
         let tensor = self.tensors.get(output)?;
-        let middle = |idx: usize, n: usize, pixels: u32| (idx as f32 + 0.5) * pixels as f32 / n as f32;
+        let middle = |idx: usize, n: usize, pixels: u32| (idx as f32 + 0.5) * pixels as f32 / n as f32 - 0.5;
         let mut grid = Grid { keypoints: Vec::new(), rows: Matrix::new(form.n_channels()) };
         let mut row = vec![0.0; form.n_channels()];
         for cell_idx in 0..form.n_cells() {

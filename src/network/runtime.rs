@@ -52,10 +52,44 @@ pub enum RuntimeError {
     CannotStart(String),
 }
 
+/// Where the library may be.
+#[derive(Debug)]
+struct Places {
+    /// The library itself, if somebody named it: no other is taken then.
+    named: Option<PathBuf>,
+    folders: Vec<PathBuf>,
+}
+
+static PLACES: Mutex<Places> = Mutex::new(Places { named: None, folders: Vec::new() });
+
+/// Where `make networks` leaves it, seen from where the program runs.
+const FOLDER: &str = "networks";
+
 /// The one of this process. `ort` keeps the library in a variable of its own, and allows one environment.
 static LOADED: Mutex<Option<Runtime>> = Mutex::new(None);
 
 impl Runtime {
+    /// Names the library that [`Runtime::get`] loads.
+    pub fn name_library(library: PathBuf) {
+        PLACES.lock().unwrap_or_else(PoisonError::into_inner).named = Some(library);
+    }
+
+    /// Lets [`Runtime::get`] look into `folder` before all others.
+    pub fn look_into(folder: PathBuf) {
+        PLACES.lock().unwrap_or_else(PoisonError::into_inner).folders.insert(0, folder);
+    }
+
+    /// The ONNX Runtime of this process: the library that was named, or else the first that is found in the folders
+    /// that were named or in `networks/`.
+    pub fn get() -> Result<Self, RuntimeError> {
+        let places = PLACES.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(library) = &places.named {
+            return Self::load(library);
+        }
+        let found = places.folders.iter().find_map(|folder| Self::find(folder).ok());
+        Self::load(&found.map_or_else(|| Self::find(Path::new(FOLDER)), Ok)?)
+    }
+
     /// Loads the library `library`. Once one is loaded the process keeps to it, whatever is named later.
     pub fn load(library: &Path) -> Result<Self, RuntimeError> {
         let mut loaded = LOADED.lock().unwrap_or_else(PoisonError::into_inner);

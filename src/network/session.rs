@@ -34,7 +34,7 @@ impl Session {
         let sizes = Sizes::check(&graph, runtime, &dims)?;
         let forms = Arc::new(Forms::new(description, &sizes, size)?);
         let outputs: BTreeSet<&str> = description.outputs().collect();
-        let file = graph.rewritten(&dims, outputs);
+        let file = graph.rewritten(&dims, &outputs);
         let session = runtime
             .session(GraphOptimizationLevel::All)
             .and_then(|mut builder| builder.commit_from_memory(&file))
@@ -72,7 +72,7 @@ impl Session {
         let input = TensorRef::from_array_view((shape, input)).map_err(failed)?;
         let outputs = self.session.run(ort::inputs![input]).map_err(failed)?;
         let mut tensors = BTreeMap::new();
-        for (name, value) in outputs.iter() {
+        for (name, value) in &outputs {
             let (_, values) = value.try_extract_tensor::<f32>().map_err(failed)?;
             if !values.iter().all(|value| value.is_finite()) {
                 return Err(format!("has numbers in its output {name:?} that are not finite"));

@@ -31,6 +31,9 @@ pub struct XFeat {
 }
 
 impl XFeat {
+    /// Numbers of a descriptor.
+    pub const N_DIMENSIONS: usize = N_CHANNELS;
+
     /// The strongest keypoints, row by row, in pixels of the network's input, and their descriptors: 64 numbers of
     /// length 1 each. A keypoint is strong where it is likely one and its descriptor can be relied on: the response
     /// is the product of both, from 0 to 1.

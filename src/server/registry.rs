@@ -129,6 +129,13 @@ impl Registry {
         self.table().models.get(&served.name)?.shadow_of(served)?.admit()
     }
 
+    /// Whether this model, or the shadow that sees what it sees, looks at the colors of frames.
+    pub fn wants_colors(&self, served: &Arc<ServedModel>) -> bool {
+        let table = self.table();
+        let shadow = table.models.get(&served.name).and_then(|serving| serving.shadow_of(served));
+        served.model.wants_colors() || shadow.is_some_and(|shadow| shadow.served.model.wants_colors())
+    }
+
     /// All models, as they are now.
     pub fn entries(&self) -> BTreeMap<String, Entry> {
         let mut book = self.book();

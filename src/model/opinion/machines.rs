@@ -3,6 +3,7 @@
 use super::super::arrays::{Array, Arrays, require};
 use super::super::calibration::Way;
 use super::super::format::FormatError;
+use super::super::lens::Lens;
 use super::super::sight::{Seen, Sight};
 use super::super::{AddError, TrainError};
 use super::kept::KeptRows;
@@ -94,6 +95,10 @@ impl Classifier {
 impl MachinesConfig {
     pub(super) fn sight(&self) -> Sight {
         Sight::Keypoints { detector: self.detector.clone(), descriptor: self.descriptor.clone() }
+    }
+
+    pub(super) fn lens_mut(&mut self) -> Option<&mut Lens> {
+        None
     }
 
     pub(super) fn check(&self) -> Result<(), String> {
