@@ -12,7 +12,7 @@ use image::codecs::jpeg::JpegEncoder;
 use roomsight::camera::{Camera, Mirror, Projection};
 use roomsight::image::{Image, Limits};
 use roomsight::matrix::Matrix;
-use roomsight::model::{Config, Extractor, Features, Model, Representation, Sample, Scratch};
+use roomsight::model::{Config, Extractor, Features, LocalFeatures, Model, Representation, Sample, Scratch};
 use roomsight::simulate::CameraKind;
 use roomsight::svm::{self, Calibration, LinearSvm};
 use roomsight::vocabulary::Vocabulary;
@@ -79,8 +79,10 @@ struct Classification {
 
 impl Classification {
     fn train(features: &[Features], places: &[String], config: &Config) -> Self {
-        let Representation::Bag(vocabulary) = &config.representation else { panic!("no bag by default") };
-        let descriptors: Vec<&Matrix> = features.iter().map(|features| &features.descriptors).collect();
+        let Representation::Bag(vocabulary) = &config.machines().unwrap().representation else {
+            panic!("no bag by default")
+        };
+        let descriptors: Vec<&Matrix> = features.iter().filter_map(Features::descriptors).collect();
         let vocabulary = Vocabulary::train(&descriptors, vocabulary, config.seed).unwrap();
         let mut bags = Matrix::new(vocabulary.n_words());
         descriptors.iter().for_each(|rows| bags.push_row(&vocabulary.bag_of(rows)));
@@ -106,12 +108,14 @@ fn measure(group: &mut BenchmarkGroup<WallTime>, drive: &Drive) {
     let bags: Vec<&[f32]> = parts.bags.rows().collect();
 
     each(group, "decode", &drive.jpegs, |jpeg| decode(jpeg));
-    each(group, "detect", &drive.images, |image| config.detector.detect(image, &view));
-    let described: Vec<(&Image, &Features)> = drive.images.iter().zip(&features).collect();
-    each(group, "describe", &described, |(image, features)| {
-        config.descriptor.describe(image, &features.keypoints, &view)
+    let machines = config.machines().unwrap();
+    each(group, "detect", &drive.images, |image| machines.detector.detect(image, &view));
+    let local = features.iter().filter_map(|features| features.seen[0].local());
+    let described: Vec<(&Image, &LocalFeatures)> = drive.images.iter().zip(local).collect();
+    each(group, "describe", &described, |(image, local)| {
+        machines.descriptor.describe(image, &local.keypoints, &view)
     });
-    each(group, "bag", &features, |features| parts.vocabulary.bag_of(&features.descriptors));
+    each(group, "bag", &described, |(_, local)| parts.vocabulary.bag_of(&local.descriptors));
     each(group, "classify", &bags, |bag| parts.calibration.probabilities(&parts.svm.decision_values(bag)));
 
     let model = train_model(drive, features, &config);
@@ -123,6 +127,7 @@ fn train_model(drive: &Drive, features: Vec<Features>, config: &Config) -> Model
     let sample = |(features, place): (Features, &String)| Sample {
         place: place.clone(),
         sequence: String::new(),
+        name: String::new(),
         features,
     };
     let samples: Vec<Sample> = features.into_iter().zip(&drive.places).map(sample).collect();

@@ -49,8 +49,9 @@ impl World {
 fn remembered(world: &mut World) -> Memory {
     let frames: Vec<Matrix> = (0..N_FRAMES).map(|_| world.frame()).collect();
     let prepared = Prepared::new(&frames.iter().collect::<Vec<_>>(), &Config::default(), 1).unwrap();
-    let origin = |frame_id| Origin { place_idx: frame_id % N_PLACES, drive_idx: 0, frame_id };
-    let chosen: Vec<(usize, Origin)> = (0..N_FRAMES).map(|frame_id| (frame_id, origin(frame_id))).collect();
+    let origin = |frame_idx| Origin { place_idx: frame_idx % N_PLACES, frame_idx };
+    let chosen: Vec<(usize, Origin)> =
+        (0..N_FRAMES).map(|frame_idx| (frame_idx, origin(frame_idx))).collect();
     prepared.memory(&chosen, N_PLACES)
 }
 

@@ -158,6 +158,11 @@ impl View {
         self.projection.kind()
     }
 
+    /// How the camera projects.
+    pub fn projection(&self) -> Projection {
+        self.projection
+    }
+
     /// Where (x, y) is between the inner (0) and the outer rim (1) of the mirror; 0 for cameras without one.
     pub fn ring_share(&self, x: f32, y: f32) -> f32 {
         let Projection::Omnidirectional(mirror) = self.projection else { return 0.0 };

@@ -11,7 +11,7 @@
 //! | 3 | [`image`] | encoded frames to pixels |
 //! | 4 | [`camera`], [`plane`] | where pixels are valid; gray values at many scales |
 //! | 5 | [`detect`] | keypoints |
-//! | 6 | [`describe`] | keypoints to descriptors |
+//! | 6 | [`describe`], [`network`] | keypoints to descriptors; neural networks as a source of features |
 //! | 7 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
 //! | 8 | [`memory`] | every descriptor remembered, frames answered by the nearest |
 //! | 9 | [`filter`] | probabilities of frames to the room of a stream |
@@ -40,6 +40,7 @@ pub mod plane;
 pub mod detect;
 
 pub mod describe;
+pub mod network;
 
 pub mod boost;
 pub mod folds;

@@ -110,10 +110,8 @@ impl MemoryError {
 pub struct Origin {
     /// Its room.
     pub place_idx: usize,
-    /// The drive that it was taken on.
-    pub drive_idx: usize,
     /// The caller's number for the frame, which stays when other frames are forgotten.
-    pub frame_id: usize,
+    pub frame_idx: usize,
 }
 
 /// Frames as memories keep them, made once for all memories of some of these frames.
@@ -272,13 +270,13 @@ impl Memory {
         self.keep(&kept);
     }
 
-    /// Numbers the places anew: place i becomes `new_idxs[i]`, of `n_places` in all.
+    /// Numbers the places, of which there are `n_places` from now on, and the frames anew.
     ///
     /// # Panics
-    /// When a place has no new index, or one that is not below `n_places`.
-    pub fn renumber_places(&mut self, new_idxs: &[usize], n_places: usize) {
+    /// When a place is not below `n_places`.
+    pub fn renumber(&mut self, n_places: usize, renumbered: impl Fn(&Origin) -> Origin) {
         for origin in &mut self.origins {
-            origin.place_idx = new_idxs[origin.place_idx];
+            *origin = renumbered(origin);
             assert!(origin.place_idx < n_places, "a place that there is not");
         }
         self.n_places = n_places;

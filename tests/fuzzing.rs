@@ -12,13 +12,15 @@ use rand::{Rng, SeedableRng};
 use roomsight::camera::{Camera, Projection};
 use roomsight::image::Image;
 use roomsight::model::{
-    Classifier, Config, Cue, Extractor, FrameLbpCue, GoldenFrame, Model, Representation, Sample, Scratch,
+    CarriedNetwork, Classifier, Config, Extractor, GoldenFrame, Model, Networks, PatternsConfig,
+    Representation, Sample, Scratch,
 };
 use roomsight::repository::package;
 use roomsight::{boost, svm, vocabulary};
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 struct Target {
     name: &'static str,
@@ -71,13 +73,15 @@ fn pictures() -> Vec<Vec<u8>> {
 /// One small model of each kind.
 fn trained() -> Vec<Model> {
     let bag = vocabulary::Config { n_words: 8, ..vocabulary::Config::default() };
-    let words = Config { longest_side: 96, representation: Representation::Bag(bag), ..Config::default() };
+    let words = Config { longest_side: 96, ..Config::default() };
+    let words = words.with_bag(|machines| machines.representation = Representation::Bag(bag));
+    let with = |classifier| words.with_bag(|machines| machines.classifier = classifier);
     let matched = Classifier::MatchSvm(svm::MatchConfig::default());
     let configs = [
-        Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..words.clone() },
-        Config { classifier: Classifier::KernelSvm(svm::KernelConfig::default()), ..words.clone() },
-        Config { classifier: Classifier::Boost(boost::Config { n_rounds: 4 }), ..words.clone() },
-        Config { classifier: matched, representation: Representation::Descriptors {}, ..words.clone() },
+        words.clone().with_patterns(0.5, PatternsConfig::default()),
+        with(Classifier::KernelSvm(svm::KernelConfig::default())),
+        with(Classifier::Boost(boost::Config { n_rounds: 4 })),
+        with(matched).with_bag(|machines| machines.representation = Representation::Descriptors {}),
         words,
     ];
     configs.iter().map(train).collect()
@@ -94,7 +98,12 @@ fn train(config: &Config) -> Model {
         };
         let frame = Image::from_pixels(64, 48, (0..64 * 48).map(pixel).collect()).unwrap();
         let features = extractor.extract(&frame, &mut Scratch::default());
-        Sample { place: format!("room {}", idx % 3), sequence: format!("drive {}", idx % 2), features }
+        Sample {
+            place: format!("room {}", idx % 3),
+            sequence: format!("drive {}", idx % 2),
+            name: format!("{idx}.jpg"),
+            features,
+        }
     };
     let samples: Vec<Sample> = (0..12).map(sample).collect();
     let samples: Vec<&Sample> = samples.iter().collect();
@@ -128,6 +137,11 @@ fn joined(parts: &[&[u8]]) -> Vec<u8> {
 
 fn archives() -> Vec<Vec<u8>> {
     let place = tempfile::tempdir().unwrap();
+    let network = CarriedNetwork::new(b"passes for a network".to_vec(), b"size = [224, 224]".to_vec());
+    let mut models = trained();
+    if let Some(last) = models.pop() {
+        models.push(last.with_networks(Networks::from([("lite0".to_owned(), Arc::new(network))])));
+    }
     let pack = |(idx, model): (usize, Model)| {
         let folder = place.path().join(idx.to_string());
         let bytes = b"P5 2 2 255 0000".to_vec();
@@ -138,7 +152,7 @@ fn archives() -> Vec<Vec<u8>> {
         package::pack(&folder, &mut tar).unwrap();
         tar
     };
-    trained().into_iter().enumerate().map(pack).collect()
+    models.into_iter().enumerate().map(pack).collect()
 }
 
 fn lists() -> Vec<Vec<u8>> {
@@ -242,7 +256,7 @@ fn seeds_of_the_service_are_answered() {
 
 fn settings() -> Vec<Vec<u8>> {
     let settings = roomsight::server::Settings::default().to_toml().unwrap();
-    let config = Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..Config::default() };
+    let config = Config::default().with_patterns(0.5, PatternsConfig::default());
     vec![settings.into_bytes(), toml::to_string(&config).unwrap().into_bytes()]
 }
 

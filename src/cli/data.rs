@@ -4,7 +4,10 @@ use super::output;
 use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::dataset::{self, Dataset, Described, Problem};
 use crate::image::{Image, Limits};
-use crate::model::{Config, Extractor, LoadedModel, Model};
+use crate::model::{
+    BAG, Candidate, CarriedNetwork, Config, Effort, Extractor, LoadedModel, Model, Networks, PATTERNS,
+};
+use crate::network::Runtime;
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
@@ -12,6 +15,7 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Kinds of problems that get a line each; more are counted.
 const N_LISTED_KINDS: usize = 10;
@@ -24,6 +28,15 @@ const MAX_SIDE: u32 = 65_535;
 
 /// Bytes a pixel that decoding takes at most: samples of 16 bits with their transparency, and luma.
 const MEMORY_PER_PIXEL: u64 = 10;
+
+/// The table of opinions in a configuration.
+const OPINIONS: &str = "opinions";
+
+/// What a cue is called that is an opinion on patterns.
+const FRAME_LBP: &str = "frame_lbp";
+
+/// Tables whose keys are names that people choose.
+const BY_NAME: [&str; 2] = [OPINIONS, "weights"];
 
 /// Which frames of a data set to take.
 #[derive(Args)]
@@ -113,13 +126,23 @@ impl DataArgs {
 /// Parameters of a model.
 #[derive(Args)]
 pub(super) struct ConfigArgs {
-    /// Configuration of the model, as TOML [default: the measured defaults]
+    /// How much may be spent on a frame, where no parameters are given: among a few combinations of opinions the one is
+    /// taken that answers held-out frames best
+    #[arg(long, value_enum, default_value = "balanced", conflicts_with_all = ["config", "parameters"])]
+    effort: EffortName,
+    /// Configuration of the model, as TOML [default: what --effort chooses]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// One parameter, such as representation.n_words=1000 or detector.threshold.fixed=20; give it as often
     /// as needed (`inspect` lists the parameters of a model)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     parameters: Vec<String>,
+    /// Take these opinions of the configuration only
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    opinions: Vec<String>,
+    /// Folder of the networks that opinions look through: NAME.onnx with NAME.toml, and ONNX Runtime's library
+    #[arg(long, value_name = "FOLDER", default_value = "networks")]
+    networks: PathBuf,
     /// Picture whose dark pixels are parts of the robot that are always in view; it may have any size
     #[arg(long, value_name = "PICTURE")]
     mask: Option<PathBuf>,
@@ -151,7 +174,74 @@ impl FoldArgs {
     }
 }
 
+/// How much may be spent on a frame, on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum EffortName {
+    /// A few milliseconds
+    Fast,
+    /// Some ten milliseconds
+    Balanced,
+    /// What answers best
+    Best,
+}
+
+impl From<EffortName> for Effort {
+    fn from(name: EffortName) -> Self {
+        match name {
+            EffortName::Fast => Self::Fast,
+            EffortName::Balanced => Self::Balanced,
+            EffortName::Best => Self::Best,
+        }
+    }
+}
+
 impl ConfigArgs {
+    /// What is chosen among: what is configured, or else the candidates of the effort.
+    pub(super) fn candidates(&self) -> anyhow::Result<Vec<Candidate>> {
+        if self.config.is_some() || !self.parameters.is_empty() {
+            return Ok(vec![Candidate { name: "as configured".to_owned(), config: self.read()? }]);
+        }
+        let mut candidates = Effort::from(self.effort).candidates(0);
+        for candidate in &mut candidates {
+            candidate.config = self.with_wanted_opinions(candidate.config.clone());
+        }
+        candidates.retain(|candidate| !candidate.config.opinions.is_empty());
+        candidates.dedup_by(|later, earlier| later.config == earlier.config);
+        if candidates.is_empty() {
+            bail!("no candidate has an opinion called {}: see --help", self.opinions.join(" or "));
+        }
+        Ok(candidates)
+    }
+
+    /// Gives a configuration the networks that it names.
+    fn link(&self, config: &mut Config) -> anyhow::Result<()> {
+        let names = config.network_names();
+        if names.is_empty() {
+            return Ok(());
+        }
+        Runtime::look_into(self.networks.clone());
+        let mut networks = Networks::new();
+        for name in names {
+            let path = self.networks.join(format!("{name}.onnx"));
+            if !path.is_file() {
+                bail!(
+                    "the network {name} is not in {}: run `make networks`, which fetches it, or name the folder \
+                     where it is with --networks",
+                    self.networks.display()
+                );
+            }
+            networks.insert(name, Arc::new(CarriedNetwork::read(&path)?));
+        }
+        config.link(&networks).map_err(anyhow::Error::msg)
+    }
+
+    fn with_wanted_opinions(&self, config: Config) -> Config {
+        if self.opinions.is_empty() {
+            return config;
+        }
+        config.with_opinions(|name| self.opinions.iter().any(|wanted| wanted == name))
+    }
+
     /// The file, changed by the single parameters.
     pub(super) fn read(&self) -> anyhow::Result<Config> {
         self.read_with(&[])
@@ -164,14 +254,21 @@ impl ConfigArgs {
         if let Some(path) = &self.config {
             let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
             let file: toml::Table = text.parse().with_context(|| path.display().to_string())?;
-            merge(&mut table, file);
+            if file.contains_key(OPINIONS) {
+                table.remove(OPINIONS);
+            }
+            merge(&mut table, spelled_out(file)?);
         }
         for parameter in self.parameters.iter().chain(more) {
-            merge(&mut table, parse_parameter(parameter)?);
+            merge(&mut table, spelled_out(parse_parameter(parameter)?)?);
             // Another variant brings its own parameters, which the next change may name.
             table = toml::Table::try_from(table.try_into::<Config>()?)?;
         }
-        let config: Config = table.try_into()?;
+        let mut config = self.with_wanted_opinions(table.try_into()?);
+        self.link(&mut config)?;
+        if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
+            bail!("the configuration has no opinion called {name}");
+        }
         config.check().map_err(anyhow::Error::msg)?;
         Ok(config)
     }
@@ -179,7 +276,14 @@ impl ConfigArgs {
     /// Single parameters alone.
     #[cfg(test)]
     pub(super) fn of_parameters(parameters: &[String]) -> Self {
-        Self { config: None, parameters: parameters.to_vec(), mask: None }
+        Self {
+            effort: EffortName::Balanced,
+            config: None,
+            parameters: parameters.to_vec(),
+            opinions: Vec::new(),
+            networks: PathBuf::from("networks"),
+            mask: None,
+        }
     }
 
     /// The camera of checked frames; the mirror of an omnidirectional one is found in them.
@@ -200,8 +304,17 @@ impl ConfigArgs {
     }
 }
 
-/// Reads an image file within limits.
-pub(super) fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> {
+/// Reads an image file within limits: its luma.
+fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> {
+    Image::decode(&read_encoded(path, limits)?, limits).with_context(|| path.display().to_string())
+}
+
+/// Reads a frame within limits, as far as `extractor` looks at it.
+pub(super) fn read_frame(path: &Path, extractor: &Extractor, limits: &Limits) -> anyhow::Result<Image> {
+    extractor.decode(&read_encoded(path, limits)?, limits).with_context(|| path.display().to_string())
+}
+
+fn read_encoded(path: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
     if path.is_dir() {
         bail!("{} is a folder, not an image: name the files in it", path.display());
     }
@@ -210,7 +323,7 @@ pub(super) fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> 
         // One byte more than is taken, so that a longer file is refused and not cut.
         .and_then(|file| file.take(limits.max_bytes as u64 + 1).read_to_end(&mut bytes))
         .with_context(|| path.display().to_string())?;
-    Image::decode(&bytes, limits).with_context(|| path.display().to_string())
+    Ok(bytes)
 }
 
 /// Loads the model in a folder.
@@ -312,11 +425,47 @@ fn parse_parameter(parameter: &str) -> anyhow::Result<toml::Table> {
     line.parse().or_else(|_| quoted()).with_context(|| format!("{parameter:?} is not NAME=VALUE"))
 }
 
+/// The same table with the parameters of opinions under the names of these: `classifier` alone is that of the bag, and
+/// a cue is an opinion on patterns that shares the weight with the bag.
+fn spelled_out(mut table: toml::Table) -> anyhow::Result<toml::Table> {
+    let mut opinions = toml::Table::new();
+    let mut bag = toml::Table::new();
+    for name in ["detector", "descriptor", "representation", "classifier"] {
+        bag.extend(table.remove(name).map(|value| (name.to_owned(), value)));
+    }
+    if !bag.is_empty() {
+        opinions.insert(BAG.to_owned(), bag.into());
+    }
+    if let Some(cue) = table.remove("cue") {
+        let mut patterns: toml::Table = cue.try_into()?;
+        let kind = patterns.remove("kind");
+        if let Some(kind) = kind.as_ref().filter(|kind| kind.as_str() != Some(FRAME_LBP)) {
+            bail!("cue.kind is {kind}: the only one is {FRAME_LBP}");
+        }
+        // One that is chosen is heard as much as the bag, unless it is said how much.
+        let usual = kind.map(|_| toml::Value::Float(0.5));
+        if let Some(weight) = patterns.remove("weight").or(usual) {
+            let weight: f64 = weight.try_into()?;
+            let weights = [(BAG, 1.0 - weight), (PATTERNS, weight)];
+            let weights = weights.map(|(name, weight)| (name.to_owned(), weight.into()));
+            table.insert("weights".to_owned(), toml::Table::from_iter(weights).into());
+        }
+        patterns.insert("kind".to_owned(), PATTERNS.into());
+        opinions.insert(PATTERNS.to_owned(), patterns.into());
+    }
+    if !opinions.is_empty() {
+        merge(&mut table, toml::Table::from_iter([(OPINIONS.to_owned(), opinions.into())]));
+    }
+    Ok(table)
+}
+
 /// Overwrites what `changes` names. A table that chooses another variant replaces the old one whole.
 fn merge(table: &mut toml::Table, changes: toml::Table) {
     for (name, change) in changes {
         match (table.get_mut(&name), change) {
-            (Some(toml::Value::Table(old)), toml::Value::Table(new)) if !is_other_variant(old, &new) => {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new))
+                if BY_NAME.contains(&name.as_str()) || !is_other_variant(old, &new) =>
+            {
                 merge(old, new);
             }
             (_, change) => {
@@ -359,15 +508,16 @@ mod tests {
             "seed=3",
         ]);
         let config = config.unwrap();
-        let Representation::Bag(bag) = &config.representation else { panic!("no bag") };
+        let machines = config.machines().unwrap();
+        let Representation::Bag(bag) = &machines.representation else { panic!("no bag") };
         assert_eq!((bag.n_words, bag.normalization, config.seed), (50, Normalization::L1, 3));
-        assert_eq!(config.detector, Detector::Fast(Fast { threshold: FastThreshold::Fixed(20) }));
-        assert!(matches!(config.descriptor, Descriptor::Lbp(_)));
+        assert_eq!(machines.detector, Detector::Fast(Fast { threshold: FastThreshold::Fixed(20) }));
+        assert!(matches!(machines.descriptor, Descriptor::Lbp(_)));
         assert_eq!(read(&[]).unwrap(), Config::default());
         let matching =
             ["representation.kind=descriptors", "classifier.kind=match_svm", "classifier.inner.gamma=2"];
         assert!(
-            matches!(read(&matching).unwrap().classifier, Classifier::MatchSvm(config) if config.inner == InnerKernel::Rbf { gamma: 2.0 })
+            matches!(&read(&matching).unwrap().machines().unwrap().classifier, Classifier::MatchSvm(config) if config.inner == InnerKernel::Rbf { gamma: 2.0 })
         );
     }
 

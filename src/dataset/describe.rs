@@ -44,13 +44,12 @@ pub struct Copied {
 impl Dataset {
     /// Describes all frames in parallel, in a fixed order. `on_frame` is called after each.
     pub fn describe(&self, extractor: &Extractor, limits: &Limits, on_frame: impl Fn() + Sync) -> Described {
-        let limits = &limits.enough_for(extractor.longest_side());
         let describe = |scratch: &mut Scratch, frame: &super::Frame| {
             let described = frame.read_encoded(limits).and_then(|bytes| {
-                let image = frame.decode(&bytes, limits)?;
+                let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
                 let features = extractor.extract(&image, scratch);
                 let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
-                let sample = Sample { place, sequence, features };
+                let sample = Sample { place, sequence, name: self.name_of(frame), features };
                 Ok(Read { sample, digest: blake3::hash(&bytes), is_damaged: image.damaged_rows() > 0 })
             });
             on_frame();
@@ -74,6 +73,11 @@ impl Dataset {
             }
         }
         described
+    }
+
+    /// What a frame is called: its path within the data set.
+    fn name_of(&self, frame: &super::Frame) -> String {
+        frame.path.strip_prefix(&self.root).unwrap_or(&frame.path).display().to_string()
     }
 
     /// Finds the mirror of the camera in frames spread evenly over the data set. Frames that cannot be read

@@ -21,14 +21,14 @@ fn frames(n_frames: usize, n_places: usize, seed: u64) -> Vec<(Matrix, Origin)> 
     let rooms: Vec<Vec<[f32; WIDTH]>> =
         (0..n_places).map(|_| (0..40).map(|_| descriptor(&mut things)).collect()).collect();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut frame = |frame_id: usize| {
-        let place_idx = frame_id % n_places;
+    let mut frame = |frame_idx: usize| {
+        let place_idx = frame_idx % n_places;
         let mut rows = Matrix::new(WIDTH);
         for _ in 0..20 {
             let thing = rooms[place_idx][random.random_range(0..40)];
             rows.push_row(&unit(thing.map(|value| value + random.random_range(-0.1..0.1))));
         }
-        (rows, Origin { place_idx, drive_idx: frame_id / (2 * n_places), frame_id })
+        (rows, Origin { place_idx, frame_idx })
     };
     (0..n_frames).map(&mut frame).collect()
 }
@@ -182,12 +182,12 @@ fn learning_later_and_forgetting_leave_what_would_have_been_learned_at_once() {
     memory.learn(&learned(&frames[12..]), 1);
     assert_eq!(memory.to_parts(), memory_of(&prepared, &frames, &(0..30).collect::<Vec<_>>()).to_parts());
     let but_drive_1: Vec<usize> = (0..6).chain(12..30).collect();
-    memory.retain(|origin| origin.drive_idx != 1);
+    memory.retain(|origin| !(6..12).contains(&origin.frame_idx));
     assert_eq!(memory.to_parts(), memory_of(&prepared, &frames, &but_drive_1).to_parts());
     memory.retain(|origin| origin.place_idx != 2);
     assert!(memory.origins().iter().all(|origin| origin.place_idx < 2));
     assert_eq!(memory.recall(&frames[2].0).place_scores[2], 0.0);
-    memory.renumber_places(&[1, 3, 4], 5);
+    memory.renumber(5, |origin| Origin { place_idx: [1, 3, 4][origin.place_idx], ..*origin });
     assert_eq!(memory.recall(&frames[0].0).best_place(), Some(1));
     assert_eq!(memory.n_places(), 5);
 }
@@ -215,7 +215,7 @@ fn a_full_memory_forgets_the_earlier_of_the_frames_most_alike_in_the_largest_roo
     let memory = memory(&frames, &Config { max_descriptors, ..config() });
     assert!(memory.n_lists() > 1);
     assert_eq!(memory.n_descriptors(), max_descriptors);
-    let kept: Vec<usize> = memory.origins().iter().map(|origin| origin.frame_id).collect();
+    let kept: Vec<usize> = memory.origins().iter().map(|origin| origin.frame_idx).collect();
     assert!(!kept[..900].contains(&301) && kept.contains(&601));
 }
 
@@ -251,15 +251,15 @@ fn memories_of_little_answer() {
     let recall = one.recall(&Matrix::new(WIDTH));
     assert_eq!((recall.best_place(), recall.mean_nearest, recall.matches.len()), (None, None, 0));
     let mut with_empty = one.clone();
-    let empty = (&Matrix::new(0), Origin { place_idx: 0, drive_idx: 9, frame_id: 9 });
+    let empty = (&Matrix::new(0), Origin { place_idx: 0, frame_idx: 9 });
     with_empty.learn(&[empty], 1);
     assert_eq!(with_empty.recall(&frames[0].0), one.recall(&frames[0].0));
-    with_empty.retain(|origin| origin.frame_id == 9);
+    with_empty.retain(|origin| origin.frame_idx == 9);
     assert_eq!(with_empty.n_descriptors(), 0);
 
     // The same frame in two rooms: neither is nearer.
     let mut twice = one.clone();
-    twice.learn(&[(&frames[1].0, Origin { place_idx: 2, drive_idx: 1, frame_id: 10 })], 1);
+    twice.learn(&[(&frames[1].0, Origin { place_idx: 2, frame_idx: 10 })], 1);
     let recall = twice.recall(&frames[1].0);
     assert!(recall.best_score() > 0.0 && recall.gap() == 0.0);
     assert_eq!((recall.best_place(), recall.frames[0].frame_idx), (Some(1), 0));

@@ -1,38 +1,60 @@
-//! A frame to keypoints and descriptors: what training and recognition have in common.
+//! A frame to what opinions see of it: what training and recognition have in common.
 
-use super::{Config, Cue, FrameLbpCue};
+use super::Config;
+use super::lens::{Lens, Look};
+use super::sight::{LocalFeatures, Seen, Sight};
 use crate::camera::{Camera, View};
-use crate::describe::{Descriptor, Sections};
+use crate::describe::{Descriptor, FrameLbp, Sections};
 use crate::detect::{Detector, Keypoint};
-use crate::image::{Image, Region};
+use crate::image::{Image, ImageError, Limits, Region};
 use crate::matrix::Matrix;
+use crate::network::XFeat;
 use crate::plane::ScaleSpace;
 use std::sync::Arc;
 
-/// Finds and describes keypoints as a model was configured to. A clone is the same extractor.
+/// Sees in frames what a model was configured to see. A clone is the same extractor.
 #[derive(Clone, Debug)]
 pub struct Extractor(Arc<Parameters>);
 
 #[derive(Debug)]
 struct Parameters {
     longest_side: usize,
-    detector: Detector,
-    descriptor: Descriptor,
-    cue: Option<Cue>,
+    sights: Arc<Vec<Sight>>,
     camera: Camera,
 }
 
 /// What a frame shows, before it is classified.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Features {
-    /// Keypoints in pixels of the frame at working size.
-    pub keypoints: Vec<Keypoint>,
-    /// One row a keypoint.
-    pub descriptors: Matrix,
-    /// What the cue sees of the whole frame; empty without one.
-    pub frame: Vec<f32>,
+    /// How it was looked at: [`Config::sights`] of the extractor's configuration. A model that looks in fewer of these ways
+    /// can classify it.
+    pub sights: Arc<Vec<Sight>>,
+    /// What each of these saw.
+    pub seen: Vec<Seen>,
     /// Pixels of the frame as it came for one pixel at working size, at least 1.
     pub scale: f32,
+}
+
+impl Features {
+    /// The keypoints of all sights.
+    pub fn keypoints(&self) -> impl Iterator<Item = &Keypoint> {
+        self.seen.iter().filter_map(Seen::local).flat_map(|local| &local.keypoints)
+    }
+
+    /// The descriptors of the first sight that has keypoints, even if it found none; none without such a sight.
+    pub fn descriptors(&self) -> Option<&Matrix> {
+        self.seen.iter().find_map(Seen::local).map(|local| &local.descriptors)
+    }
+
+    /// What one sight sees; `None` where the extractor was not configured to look so.
+    pub fn of(&self, sight: &Sight) -> Option<&Seen> {
+        self.sights.iter().zip(&self.seen).find(|(other, _)| *other == sight).map(|(_, seen)| seen)
+    }
+
+    /// The number of keypoints that were found.
+    pub fn n_keypoints(&self) -> usize {
+        self.keypoints().count()
+    }
 }
 
 /// Working memory of one thread, reused from frame to frame. It remembers what depends on an [`Extractor`];
@@ -45,20 +67,77 @@ pub struct Scratch {
     view: Option<View>,
     /// Of the last frame, if keypoints were looked for in one.
     space: ScaleSpace,
-    /// Of the cue, with the size of the frames that they are for.
-    sections: Option<((usize, usize), Sections)>,
+    /// Of the patterns of whole frames, with what they are for.
+    sections: Vec<(SectionsOf, Sections)>,
+}
+
+/// What the sections of a frame depend on, beside the camera.
+#[derive(Debug, PartialEq)]
+struct SectionsOf {
+    histograms: FrameLbp,
+    size: [usize; 2],
+}
+
+/// A frame at working size, and where it is valid.
+struct Scaled<'a> {
+    frame: &'a Image,
+    /// The part of the frame that arrived, where not all did.
+    visible: Option<Region>,
+    view: &'a View,
+}
+
+/// What networks say of a frame as it came, with its colors; each is asked once.
+struct Looks<'a> {
+    image: &'a Image,
+    view: &'a View,
+    /// Pixels of it for one at working size.
+    reduction: f32,
+    so_far: Vec<(&'a Lens, Option<Look<'a>>)>,
+}
+
+impl<'a> Looks<'a> {
+    /// What the network says of the whole frame; nothing where it cannot run.
+    fn vector(&mut self, lens: &'a Lens) -> Vec<f32> {
+        self.through(lens).map_or_else(Vec::new, Look::vector)
+    }
+
+    fn grid(&mut self, lens: &'a Lens, grid: &str) -> LocalFeatures {
+        let n_dimensions = lens.grid_len(grid);
+        let cells = self.through(lens).map(|look| look.grid(grid, n_dimensions));
+        self.at_working_size(cells.unwrap_or_else(|| LocalFeatures::nothing(n_dimensions)))
+    }
+
+    fn xfeat(&mut self, lens: &'a Lens, target: usize) -> LocalFeatures {
+        let found = self.through(lens).map(|look| look.xfeat(target));
+        self.at_working_size(found.unwrap_or_else(|| LocalFeatures::nothing(XFeat::N_DIMENSIONS)))
+    }
+
+    fn through(&mut self, lens: &'a Lens) -> Option<&Look<'a>> {
+        let camera = self.view.projection().kind();
+        let known = self.so_far.iter().position(|(other, _)| other.looks_as(lens, camera));
+        let idx = known.unwrap_or_else(|| {
+            self.so_far.push((lens, lens.look(self.image, self.view)));
+            self.so_far.len() - 1
+        });
+        self.so_far[idx].1.as_ref()
+    }
+
+    /// Middles of pixels are whole numbers in both.
+    fn at_working_size(&self, mut local: LocalFeatures) -> LocalFeatures {
+        for keypoint in &mut local.keypoints {
+            keypoint.x = (keypoint.x + 0.5) / self.reduction - 0.5;
+            keypoint.y = (keypoint.y + 0.5) / self.reduction - 0.5;
+            keypoint.scale /= self.reduction;
+        }
+        local
+    }
 }
 
 impl Extractor {
     /// What `config` says, for frames of `camera`.
     pub fn new(config: &Config, camera: Camera) -> Self {
-        Self(Arc::new(Parameters {
-            longest_side: config.longest_side,
-            detector: config.detector.clone(),
-            descriptor: config.descriptor.clone(),
-            cue: config.cue.clone(),
-            camera,
-        }))
+        let sights = Arc::new(config.sights());
+        Self(Arc::new(Parameters { longest_side: config.longest_side, sights, camera }))
     }
 
     /// The longest side in pixels that it looks at.
@@ -71,8 +150,21 @@ impl Extractor {
         &self.0.camera
     }
 
-    /// The keypoints of a frame and their descriptors. A `scratch` that served another extractor is emptied
-    /// before, which costs time, not truth.
+    /// Whether a sight looks at colors.
+    pub fn wants_colors(&self) -> bool {
+        self.0.sights.iter().any(Sight::wants_colors)
+    }
+
+    /// Decodes a frame of unknown origin to what is looked at: in color only where a sight wants that, and no
+    /// larger than it must be where it goes beyond `limits`, see [`Limits::enough_side`].
+    pub fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+        let limits = limits.enough_for(self.longest_side());
+        let decode = if self.wants_colors() { Image::decode_with_colors } else { Image::decode };
+        decode(bytes, &limits)
+    }
+
+    /// What all sights see of a frame. A `scratch` that served another extractor is emptied before, which costs
+    /// time, not truth.
     pub fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
         if !scratch.owner.as_ref().is_some_and(|owner| Arc::ptr_eq(owner, &self.0)) {
             *scratch = Scratch { owner: Some(Arc::clone(&self.0)), ..Scratch::default() };
@@ -83,10 +175,10 @@ impl Extractor {
 
 impl Parameters {
     /// `scratch` is ours.
-    fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
+    fn extract<'s>(&'s self, image: &Image, scratch: &mut Scratch) -> Features {
         let shrunk = image.shrink_to(self.longest_side);
-        let scaled = shrunk.as_ref().unwrap_or(image);
-        let size = (scaled.width(), scaled.height());
+        let frame = shrunk.as_ref().unwrap_or(image);
+        let size = (frame.width(), frame.height());
         // Of a frame that did not arrive whole; no other has the same.
         let visible = image.visible().map(|visible| visible.shrunk(image, [size.0, size.1]));
         let partial = visible.map(|visible| self.camera.view(size.0, size.1).within(visible));
@@ -97,43 +189,84 @@ impl Parameters {
                 scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)))
             }
         };
-        let keypoints = self.detector.detect_with(scaled, view, &mut scratch.space);
-        let descriptors = match &self.descriptor {
-            // The costly part of both, built once.
-            Descriptor::Sift(sift) if self.detector.levels().is_some() => {
-                sift.describe_in(&scratch.space, &keypoints, view)
+        let scaled = Scaled { frame, visible, view };
+        // Whoever looks through a network sees the frame as it came.
+        let has_lens = self.sights.iter().any(|sight| sight.lens().is_some());
+        let unshrunk = (has_lens && shrunk.is_some()).then(|| {
+            let whole = self.camera.view(image.width(), image.height());
+            match image.visible() {
+                Some(visible) => whole.within(visible),
+                None => whole,
             }
-            descriptor => descriptor.describe(scaled, &keypoints, view),
+        });
+        let mut looks = Looks {
+            image,
+            view: unshrunk.as_ref().unwrap_or(view),
+            reduction: image.width() as f32 / frame.width() as f32,
+            so_far: Vec::new(),
         };
-        let frame = self.describe_frame(scaled, visible, &mut scratch.sections);
+        let see = |sight: &'s Sight| match sight {
+            Sight::Keypoints { detector, descriptor } => {
+                Seen::Local(scaled.describe((detector, descriptor), &mut scratch.space))
+            }
+            Sight::Patterns(histograms) => {
+                Seen::Whole(self.describe_frame(&scaled, histograms, &mut scratch.sections))
+            }
+            Sight::Vector(lens) => Seen::Whole(looks.vector(lens)),
+            Sight::Grid { lens, grid } => Seen::Local(looks.grid(lens, grid)),
+            Sight::XFeat { lens, target } => Seen::Local(looks.xfeat(lens, *target)),
+        };
+        let seen = self.sights.iter().map(see).collect();
         Features {
-            keypoints,
-            descriptors,
-            frame,
-            scale: (image.width() * image.reduction()) as f32 / scaled.width() as f32,
+            sights: Arc::clone(&self.sights),
+            seen,
+            scale: (image.width() * image.reduction()) as f32 / frame.width() as f32,
         }
     }
 
-    /// What the cue sees of the visible part of a frame, or of all of it; `sections` is kept for the next frame
-    /// of the same size.
+    /// The patterns of the visible part of a frame, or of all of it; `kept` is kept for the next frame of the same
+    /// size.
     fn describe_frame(
         &self,
-        frame: &Image,
-        visible: Option<Region>,
-        sections: &mut Option<((usize, usize), Sections)>,
+        scaled: &Scaled,
+        histograms: &FrameLbp,
+        kept: &mut Vec<(SectionsOf, Sections)>,
     ) -> Vec<f32> {
-        let Some(Cue::FrameLbp(FrameLbpCue { histograms, .. })) = &self.cue else { return Vec::new() };
-        let shrunk = frame.shrink_to(histograms.longest_side);
-        let image = shrunk.as_ref().unwrap_or(frame);
-        let size = (image.width(), image.height());
-        if let Some(visible) = visible {
-            let view = self.camera.view(size.0, size.1).within(visible.shrunk(frame, [size.0, size.1]));
+        let shrunk = scaled.frame.shrink_to(histograms.longest_side);
+        let image = shrunk.as_ref().unwrap_or(scaled.frame);
+        let size = [image.width(), image.height()];
+        if let Some(visible) = scaled.visible {
+            let view = self.camera.view(size[0], size[1]).within(visible.shrunk(scaled.frame, size));
             return histograms.describe(image, &histograms.sections(&view));
         }
-        let of_same_size = sections.take().filter(|(of_size, _)| *of_size == size);
-        let make = || (size, histograms.sections(&self.camera.view(size.0, size.1)));
-        let (_, sections) = sections.insert(of_same_size.unwrap_or_else(make));
-        histograms.describe(image, sections)
+        let wanted = SectionsOf { histograms: histograms.clone(), size };
+        kept.retain(|(of, _)| of.histograms != wanted.histograms || of.size == size);
+        if let Some((_, sections)) = kept.iter().find(|(of, _)| *of == wanted) {
+            return histograms.describe(image, sections);
+        }
+        let sections = histograms.sections(&self.camera.view(size[0], size[1]));
+        let described = histograms.describe(image, &sections);
+        kept.push((wanted, sections));
+        described
+    }
+}
+
+impl Scaled<'_> {
+    /// Its keypoints and their descriptors; `space` is the memory for the scale space.
+    fn describe(
+        &self,
+        (detector, descriptor): (&Detector, &Descriptor),
+        space: &mut ScaleSpace,
+    ) -> LocalFeatures {
+        let keypoints = detector.detect_with(self.frame, self.view, space);
+        let descriptors = match descriptor {
+            // The costly part of both, built once.
+            Descriptor::Sift(sift) if detector.levels().is_some() => {
+                sift.describe_in(space, &keypoints, self.view)
+            }
+            descriptor => descriptor.describe(self.frame, &keypoints, self.view),
+        };
+        LocalFeatures { keypoints, descriptors }
     }
 }
 
@@ -141,7 +274,7 @@ impl Parameters {
 mod tests {
     use super::*;
     use crate::camera::Projection;
-    use crate::image::Limits;
+    use crate::model::PatternsConfig;
     use image::codecs::jpeg::JpegEncoder;
     use image::{ExtendedColorType, GrayImage, ImageEncoder, Luma};
 
@@ -164,17 +297,16 @@ mod tests {
         let (whole, cut) = (decode(&bytes), decode(&bytes[..bytes.len() * 3 / 4]));
         let visible = cut.visible().unwrap();
         assert!((48..80).contains(&visible.bottom), "{visible:?}");
-        let cue = Some(Cue::FrameLbp(FrameLbpCue::default()));
-        let config = Config { cue, ..Config::default() };
+        let config = Config::default().with_patterns(0.5, PatternsConfig::default());
         let extractor = Extractor::new(&config, Camera::new(Projection::Perspective));
         let mut scratch = Scratch::default();
         let of_whole = extractor.extract(&whole, &mut scratch);
         let of_cut = extractor.extract(&cut, &mut scratch);
-        assert!(of_whole.keypoints.iter().any(|keypoint| keypoint.y > visible.bottom as f32));
-        assert!(!of_cut.keypoints.is_empty());
-        assert!(of_cut.keypoints.iter().all(|keypoint| keypoint.y + 3.0 < visible.bottom as f32));
-        assert_ne!(of_cut.frame, of_whole.frame);
+        assert!(of_whole.keypoints().any(|keypoint| keypoint.y > visible.bottom as f32));
+        assert!(of_cut.n_keypoints() > 0);
+        assert!(of_cut.keypoints().all(|keypoint| keypoint.y + 3.0 < visible.bottom as f32));
+        assert_ne!(of_cut.seen[1], of_whole.seen[1]);
         // The next frame is seen whole again.
-        assert_eq!(extractor.extract(&whole, &mut scratch).keypoints, of_whole.keypoints);
+        assert_eq!(extractor.extract(&whole, &mut scratch), of_whole);
     }
 }
