@@ -1,9 +1,9 @@
 use super::*;
 use crate::camera::{Camera, Projection};
+use crate::model::{Config, sight::Seen};
 use crate::model::{
     Extractor, Features, Model, OpinionConfig, Sample, Scratch, Training, VectorConfig, sight::Sight,
 };
-use crate::model::{Config, sight::Seen};
 use crate::network::testing::{convolution, described, runtime};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
