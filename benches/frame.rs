@@ -78,14 +78,16 @@ struct Classification {
 }
 
 impl Classification {
-    fn train(features: &[Features], places: &[String], config: &Config) -> Self {
+    fn train(features: &[Features], drive: &Drive, config: &Config) -> Self {
         let Representation::Bag(vocabulary) = &config.representation else { panic!("no bag by default") };
         let descriptors: Vec<&Matrix> = features.iter().map(|features| &features.descriptors).collect();
-        let vocabulary = Vocabulary::train(&descriptors, vocabulary, config.seed).unwrap();
-        let mut bags = Matrix::new(vocabulary.n_words());
-        descriptors.iter().for_each(|rows| bags.push_row(&vocabulary.bag_of(rows)));
+        let camera = drive.camera.projection.kind();
+        let vocabulary = Vocabulary::train(&descriptors, vocabulary, camera, config.seed).unwrap();
+        let mut bags = Matrix::new(vocabulary.n_columns());
+        features.iter().for_each(|features| bags.push_row(&vocabulary.row(features.described())));
 
-        let mut names = places.to_vec();
+        let places = &drive.places;
+        let mut names = places.clone();
         names.sort();
         names.dedup();
         let labels: Vec<usize> = places.iter().map(|place| names.binary_search(place).unwrap()).collect();
@@ -101,7 +103,7 @@ impl Classification {
 fn measure(group: &mut BenchmarkGroup<WallTime>, drive: &Drive) {
     let config = Config::default();
     let features = drive.describe(&config);
-    let parts = Classification::train(&features, &drive.places, &config);
+    let parts = Classification::train(&features, drive, &config);
     let view = drive.camera.view(drive.images[0].width(), drive.images[0].height());
     let bags: Vec<&[f32]> = parts.bags.rows().collect();
 
@@ -111,7 +113,7 @@ fn measure(group: &mut BenchmarkGroup<WallTime>, drive: &Drive) {
     each(group, "describe", &described, |(image, features)| {
         config.descriptor.describe(image, &features.keypoints, &view)
     });
-    each(group, "bag", &features, |features| parts.vocabulary.bag_of(&features.descriptors));
+    each(group, "bag", &features, |features| parts.vocabulary.row(features.described()));
     each(group, "classify", &bags, |bag| parts.calibration.probabilities(&parts.svm.decision_values(bag)));
 
     let model = train_model(drive, features, &config);

@@ -93,6 +93,16 @@ pub struct View {
     hidden: Option<HiddenCount>,
 }
 
+/// Where something lies in what a camera sees. Turning a robot moves it across, but not down, in panoramas and
+/// mirrors.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// From the left edge (0) to the right (1); in a mirror the angle round the center, of a full turn.
+    pub across: f32,
+    /// From the upper edge (0) to the lower (1); in a mirror from the inner rim to the outer.
+    pub down: f32,
+}
+
 impl View {
     /// The same, where nothing beyond `visible` was seen by the camera.
     pub fn within(self, visible: Region) -> Self {
@@ -163,6 +173,18 @@ impl View {
         let Projection::Omnidirectional(mirror) = self.projection else { return 0.0 };
         let radius = mirror.polar(x, y, self.width).2 / self.width as f32;
         (radius - mirror.inner_radius) / (mirror.outer_radius - mirror.inner_radius)
+    }
+
+    /// Where (x, y) lies in what the camera sees, whatever the size of the frame.
+    pub fn spot(&self, x: f32, y: f32) -> Spot {
+        let (across, down) = match self.projection {
+            Projection::Omnidirectional(mirror) => {
+                let (dx, dy, _) = mirror.polar(x, y, self.width);
+                (dy.atan2(dx) / std::f32::consts::TAU + 0.5, self.ring_share(x, y))
+            }
+            _ => (x / self.width as f32, y / self.height as f32),
+        };
+        Spot { across, down }
     }
 
     /// The unit vector from the mirror center to (x, y); `None` for cameras without a mirror and in the

@@ -174,15 +174,16 @@ impl Model {
     pub fn explain(&self, features: &Features, place_idx: usize) -> Vec<Evidence> {
         let Machines::Linear(vocabulary, svm) = self.machines() else { return Vec::new() };
         let words = vocabulary.quantize(&features.descriptors);
-        let word_weights = word_weights((vocabulary, svm), &words, place_idx);
+        let weights = keypoint_weights((vocabulary, svm), (features, &words), place_idx);
         let mut evidence: Vec<Evidence> = words
             .iter()
             .zip(&features.keypoints)
-            .map(|(&word, keypoint)| Evidence {
+            .zip(weights)
+            .map(|((&word, keypoint), weight)| Evidence {
                 x: keypoint.x * features.scale,
                 y: keypoint.y * features.scale,
                 word_idx: word as usize,
-                weight: word_weights[word as usize],
+                weight,
             })
             .collect();
         evidence.sort_by(|a, b| b.weight.abs().total_cmp(&a.weight.abs()));
@@ -211,17 +212,28 @@ fn is_known(probability: f32, known_probability: Option<f32>) -> bool {
     known_probability.is_some_and(|least| probability >= least)
 }
 
-/// How much one keypoint of each word adds to the decision value of a room, in a frame of these words.
-fn word_weights((vocabulary, svm): (&Vocabulary, &LinearSvm), words: &[u32], place_idx: usize) -> Vec<f32> {
-    let bag = vocabulary.bag(words);
-    let mut counts = vec![0.0; bag.len()];
-    words.iter().for_each(|&word| counts[word as usize] += 1.0);
-    let weight = |word_idx: usize| {
-        let signed = signed_machines(svm, place_idx);
-        let sum: f32 = signed.map(|(machine, sign)| sign * svm.weights().row(machine)[word_idx]).sum();
-        sum * bag[word_idx] / f32::max(counts[word_idx], 1.0)
+/// How much each keypoint of a frame with these words adds to the decision value of a room: an equal share of what
+/// each block of the row adds that it counts in.
+fn keypoint_weights(
+    (vocabulary, svm): (&Vocabulary, &LinearSvm),
+    (features, words): (&Features, &[u32]),
+    place_idx: usize,
+) -> Vec<f32> {
+    let row = vocabulary.row_of_words(features.described(), words);
+    let width = vocabulary.block_width();
+    let blocks = || words.iter().zip(&features.spots).map(|(&word, &spot)| vocabulary.blocks(word, spot));
+    let mut counts = vec![0.0; row.len() / width];
+    blocks().flatten().for_each(|block| counts[block] += 1.0);
+    let share = |block: usize| {
+        let column = |column: usize| {
+            let signed = signed_machines(svm, place_idx);
+            let sum: f32 = signed.map(|(machine, sign)| sign * svm.weights().row(machine)[column]).sum();
+            sum * row[column]
+        };
+        (block * width..(block + 1) * width).map(column).sum::<f32>() / f32::max(counts[block], 1.0)
     };
-    (0..bag.len()).map(weight).collect()
+    let shares: Vec<f32> = (0..counts.len()).map(share).collect();
+    blocks().map(|blocks| blocks.map(|block| shares[block]).sum()).collect()
 }
 
 /// The machines that speak of a room, and whether their positive side is it.

@@ -13,6 +13,7 @@
 )]
 
 mod dct;
+mod dot;
 mod fast;
 mod hessian;
 mod nearest;
@@ -20,6 +21,7 @@ mod pattern;
 mod plane;
 
 pub use dct::{BLOCKS, BlockGroup, inverse_dct};
+pub use dot::dot;
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
 pub use nearest::{ONE_PRODUCT, UnitColumns, UnitRows, largest_products, nearest_columns};

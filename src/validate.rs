@@ -192,8 +192,13 @@ mod tests {
     use crate::model::Features;
 
     fn sample(place: &str, sequence: &str) -> Sample {
-        let features =
-            Features { keypoints: Vec::new(), descriptors: Matrix::new(1), frame: Vec::new(), scale: 1.0 };
+        let features = Features {
+            keypoints: Vec::new(),
+            descriptors: Matrix::new(1),
+            spots: Vec::new(),
+            frame: Vec::new(),
+            scale: 1.0,
+        };
         Sample { place: place.to_owned(), sequence: sequence.to_owned(), features }
     }
 

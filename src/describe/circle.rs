@@ -33,23 +33,24 @@ impl NeighborCircle {
     /// One neighbor of every pixel of the region: rows of the window's side one after the other, the
     /// region's pixels at the start of each. What lies between two rows of the region means nothing.
     pub(super) fn neighbors<'a>(&self, neighbor_idx: usize, window: &'a Window) -> Taps<'a> {
-        self.taps(&self.neighbors[neighbor_idx], window)
+        self.taps(&self.neighbors[neighbor_idx], window.pixels(), window.side())
+    }
+
+    /// The same of any `pixels` in rows of `stride`, of which as many as the circle reads beyond lie round the
+    /// pixels that have neighbors.
+    pub(super) fn neighbors_in<'a>(&self, neighbor_idx: usize, pixels: &'a [u8], stride: usize) -> Taps<'a> {
+        self.taps(&self.neighbors[neighbor_idx], pixels, stride)
     }
 
     /// The pixels themselves, laid out as their [`NeighborCircle::neighbors`].
     pub(super) fn centers<'a>(&self, window: &'a Window) -> Taps<'a> {
-        self.taps(&Neighbor { column: 0, row: 0, weights: [ONE, 0, 0, 0] }, window)
+        self.taps(&Neighbor { column: 0, row: 0, weights: [ONE, 0, 0, 0] }, window.pixels(), window.side())
     }
 
-    fn taps<'a>(&self, neighbor: &Neighbor, window: &'a Window) -> Taps<'a> {
-        let side = window.side();
+    fn taps<'a>(&self, neighbor: &Neighbor, pixels: &'a [u8], stride: usize) -> Taps<'a> {
         let row = self.margin.wrapping_add_signed(neighbor.row);
-        let start = row * side + self.margin.wrapping_add_signed(neighbor.column);
-        Taps {
-            above: &window.pixels()[start..],
-            below: &window.pixels()[start + side..],
-            weights: neighbor.weights,
-        }
+        let start = row * stride + self.margin.wrapping_add_signed(neighbor.column);
+        Taps { above: &pixels[start..], below: &pixels[start + stride..], weights: neighbor.weights }
     }
 }
 
@@ -82,7 +83,7 @@ impl Neighbor {
 mod tests {
     use super::*;
     use crate::camera::{Camera, Projection};
-    use crate::describe::{Region, Weighting};
+    use crate::describe::Region;
     use crate::detect::Keypoint;
     use crate::image::Image;
 
@@ -91,7 +92,7 @@ mod tests {
         let image = Image::from_pixels(80, 60, (0..80 * 60).map(|i| (i % 80 + 2 * (i / 80)) as u8).collect());
         let image = image.unwrap();
         let view = Camera::new(Projection::Perspective).view(80, 60);
-        let region = Region { side: 7, weighting: Weighting::Uniform };
+        let region = Region { side: 7, ..Region::default() };
         for (n_neighbors, radius) in [(6, 2.0f32), (8, 1.0), (8, 2.5)] {
             let circle = NeighborCircle::new(n_neighbors, radius);
             let mut window = Window::new(&region, margin(radius));

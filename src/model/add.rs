@@ -13,8 +13,8 @@ use super::cue::Opinion;
 use super::held_out::HeldOutDecisions;
 use super::machines::{self, Machines};
 use super::{
-    Addition, Card, Classification, Classifier, HeldOut, Model, Recognition, Sample, TrainError, Training,
-    TrainingStep,
+    Addition, Card, Classification, Classifier, Features, HeldOut, Model, Recognition, Sample, TrainError,
+    Training, TrainingStep,
 };
 use crate::filter::Transitions;
 use crate::matrix::Matrix;
@@ -221,7 +221,7 @@ impl Drive<'_> {
     }
 
     fn bags(&self, vocabulary: &Vocabulary) -> Matrix {
-        let frames: Vec<&Matrix> = self.samples().map(|sample| &sample.features.descriptors).collect();
+        let frames: Vec<&Features> = self.samples().map(|sample| &sample.features).collect();
         machines::bags(vocabulary, &frames)
     }
 

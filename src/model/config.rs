@@ -154,7 +154,13 @@ impl Config {
             return Err("known_precision must be from 0 to 1".to_owned());
         }
         self.detector.check()?;
+        self.detector.check_size(self.longest_side)?;
         self.descriptor.check()?;
+        if self.detector.repeats_points() && !self.descriptor.is_scaled() {
+            return Err("a grid of several scales needs a descriptor that grows with them: set \
+                        descriptor.region.scaled to true, or give detector.scales one number"
+                .to_owned());
+        }
         self.check_scale_space()?;
         self.classifier.check()?;
         self.cue.as_ref().map_or(Ok(()), Cue::check)?;
@@ -163,7 +169,7 @@ impl Config {
             Representation::Bag(_) if sees_descriptors => {
                 Err("match_svm compares descriptors: set representation.kind to descriptors".to_owned())
             }
-            Representation::Bag(vocabulary) => vocabulary.check(),
+            Representation::Bag(vocabulary) => vocabulary.check(self.descriptor.n_dimensions()),
             Representation::Descriptors {} if sees_descriptors => Ok(()),
             Representation::Descriptors {} => {
                 Err("only match_svm sees descriptors: set representation.kind to bag".to_owned())

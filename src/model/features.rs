@@ -1,12 +1,13 @@
 //! A frame to keypoints and descriptors: what training and recognition have in common.
 
 use super::{Config, Cue, FrameLbpCue};
-use crate::camera::{Camera, View};
+use crate::camera::{Camera, Spot, View};
 use crate::describe::{Descriptor, Sections};
 use crate::detect::{Detector, Keypoint};
 use crate::image::{Image, Region};
 use crate::matrix::Matrix;
 use crate::plane::ScaleSpace;
+use crate::vocabulary::Described;
 use std::sync::Arc;
 
 /// Finds and describes keypoints as a model was configured to. A clone is the same extractor.
@@ -29,10 +30,19 @@ pub struct Features {
     pub keypoints: Vec<Keypoint>,
     /// One row a keypoint.
     pub descriptors: Matrix,
+    /// Where the keypoints lie in what the camera sees.
+    pub spots: Vec<Spot>,
     /// What the cue sees of the whole frame; empty without one.
     pub frame: Vec<f32>,
     /// Pixels of the frame as it came for one pixel at working size, at least 1.
     pub scale: f32,
+}
+
+impl Features {
+    /// What a vocabulary sees.
+    pub fn described(&self) -> Described<'_> {
+        Described { descriptors: &self.descriptors, spots: &self.spots }
+    }
 }
 
 /// Working memory of one thread, reused from frame to frame. It remembers what depends on an [`Extractor`];
@@ -105,10 +115,12 @@ impl Parameters {
             }
             descriptor => descriptor.describe(scaled, &keypoints, view),
         };
+        let spots = keypoints.iter().map(|keypoint| view.spot(keypoint.x, keypoint.y)).collect();
         let frame = self.describe_frame(scaled, visible, &mut scratch.sections);
         Features {
             keypoints,
             descriptors,
+            spots,
             frame,
             scale: (image.width() * image.reduction()) as f32 / scaled.width() as f32,
         }

@@ -30,12 +30,17 @@ pub(super) enum Machines {
 pub(super) struct TrainingSet<'a> {
     frames: Vec<&'a Features>,
     config: &'a Config,
+    camera: CameraKind,
     /// How alike all pairs of frames are, where that is what machines see: the same for all folds.
     gram: Option<Matrix>,
 }
 
 impl<'a> TrainingSet<'a> {
-    pub(super) fn new(frames: Vec<&'a Features>, config: &'a Config) -> Result<Self, TrainError> {
+    pub(super) fn new(
+        frames: Vec<&'a Features>,
+        config: &'a Config,
+        camera: CameraKind,
+    ) -> Result<Self, TrainError> {
         let gram = match &config.classifier {
             Classifier::MatchSvm(config) => {
                 let descriptors: Vec<&Matrix> = frames.iter().map(|frame| &frame.descriptors).collect();
@@ -43,7 +48,7 @@ impl<'a> TrainingSet<'a> {
             }
             _ => None,
         };
-        Ok(Self { frames, config, gram })
+        Ok(Self { frames, config, camera, gram })
     }
 }
 
@@ -60,8 +65,9 @@ impl Machines {
         match sight {
             Sight::Keypoints => {
                 let gram = set.gram.as_ref().map(|gram| among(gram, frame_idxs));
-                let descriptors: Vec<&Matrix> = frames.map(|frame| &frame.descriptors).collect();
-                Self::train_on_keypoints((&descriptors, gram.as_ref()), labels, n_classes, set.config)
+                let frames: Vec<&Features> = frames.collect();
+                let camera = set.camera;
+                Self::train_on_keypoints((&frames, gram.as_ref()), (labels, n_classes), (set.config, camera))
             }
             Sight::Frame(Cue::FrameLbp(cue)) => {
                 let mut rows = Matrix::new(set.frames.first().map_or(0, |frame| frame.frame.len()));
@@ -72,18 +78,18 @@ impl Machines {
     }
 
     fn train_on_keypoints(
-        (frames, gram): (&[&Matrix], Option<&Matrix>),
-        labels: &[usize],
-        n_classes: usize,
-        config: &Config,
+        (frames, gram): (&[&Features], Option<&Matrix>),
+        (labels, n_classes): (&[usize], usize),
+        (config, camera): (&Config, CameraKind),
     ) -> Result<Self, TrainError> {
+        let descriptors: Vec<&Matrix> = frames.iter().map(|frame| &frame.descriptors).collect();
         let Representation::Bag(bag) = &config.representation else {
             let (Classifier::MatchSvm(config), Some(gram)) = (&config.classifier, gram) else {
                 return Err(mismatch());
             };
-            return Ok(Self::Match(MatchSvm::train_over((frames, gram), labels, n_classes, config)?));
+            return Ok(Self::Match(MatchSvm::train_over((&descriptors, gram), labels, n_classes, config)?));
         };
-        let vocabulary = Vocabulary::train(frames, bag, config.seed)?;
+        let vocabulary = Vocabulary::train(&descriptors, bag, camera, config.seed)?;
         let rows = bags(&vocabulary, frames);
         match &config.classifier {
             Classifier::LinearSvm(config) => {
@@ -111,9 +117,9 @@ impl Machines {
             return None;
         }
         Some(match self {
-            Self::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.bag_of(descriptors)),
-            Self::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.bag_of(descriptors)),
-            Self::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.bag_of(descriptors)),
+            Self::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.row(features.described())),
+            Self::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.row(features.described())),
+            Self::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.row(features.described())),
             Self::Match(svm) => svm.decision_values(descriptors),
             Self::Frame(svm) => svm.decision_values(&features.frame),
         })
@@ -200,7 +206,7 @@ impl Machines {
         file: &SafeTensors,
     ) -> Result<Self, FormatError> {
         match sight {
-            Sight::Keypoints => Self::read_for_keypoints(config, n_places, file),
+            Sight::Keypoints => Self::read_for_keypoints(config, (n_places, camera), file),
             Sight::Frame(cue) => {
                 let shape = (n_places, cue.n_dimensions(camera));
                 Ok(Self::Frame(read_linear(&CUE_NAMES, config.scheme(sight), shape, file)?))
@@ -208,7 +214,11 @@ impl Machines {
         }
     }
 
-    fn read_for_keypoints(config: &Config, n_places: usize, file: &SafeTensors) -> Result<Self, FormatError> {
+    fn read_for_keypoints(
+        config: &Config,
+        (n_places, camera): (usize, CameraKind),
+        file: &SafeTensors,
+    ) -> Result<Self, FormatError> {
         let n_dimensions = config.descriptor.n_dimensions();
         let Representation::Bag(bag) = &config.representation else {
             let Classifier::MatchSvm(config) = &config.classifier else { return Err(damaged(&mismatch())) };
@@ -225,15 +235,16 @@ impl Machines {
         require(centers.n_cols() == n_dimensions, "its words fit no descriptor")?;
         require(centers.n_rows() == bag.n_words, "its vocabulary has another number of words than it says")?;
         require(are_units(&centers), "a word is no mean of descriptors")?;
-        let vocabulary = Vocabulary::new(centers, bag.normalization);
+        let vocabulary = Vocabulary::new(centers, bag, camera);
+        let n_columns = vocabulary.n_columns();
         match &config.classifier {
             Classifier::LinearSvm(config) => {
-                let svm = read_linear(&KEYPOINT_NAMES, config.scheme, (n_places, bag.n_words), file)?;
+                let svm = read_linear(&KEYPOINT_NAMES, config.scheme, (n_places, n_columns), file)?;
                 Ok(Self::Linear(vocabulary, svm))
             }
             Classifier::KernelSvm(config) => {
                 let support_vectors = arrays::read_matrix(file, "kernel.support_vectors")?;
-                require(support_vectors.n_cols() == bag.n_words, "its machines fit no vocabulary")?;
+                require(support_vectors.n_cols() == n_columns, "its machines fit no vocabulary")?;
                 let kernel =
                     with_parameters(config.kernel, &arrays::read_doubles(file, "kernel.parameters")?)?;
                 let machines = read_dual(config.machines.scheme, n_places, file)?;
@@ -247,7 +258,7 @@ impl Machines {
             Classifier::Boost(_) => {
                 let ensembles = read_ensembles(file)?;
                 require(ensembles.len() == n_places, "it has another number of ensembles than of rooms")?;
-                let boost = Boost::from_parts(bag.n_words, ensembles);
+                let boost = Boost::from_parts(n_columns, ensembles);
                 boost.map(|boost| Self::Boost(vocabulary, boost)).map_err(|error| damaged(&error))
             }
             Classifier::MatchSvm(_) => Err(damaged(&mismatch())),
@@ -256,9 +267,9 @@ impl Machines {
 }
 
 /// The bag of each frame: one row a frame.
-pub(super) fn bags(vocabulary: &Vocabulary, frames: &[&Matrix]) -> Matrix {
-    let bags: Vec<Vec<f32>> = frames.par_iter().map(|descriptors| vocabulary.bag_of(descriptors)).collect();
-    let mut rows = Matrix::new(vocabulary.n_words());
+pub(super) fn bags(vocabulary: &Vocabulary, frames: &[&Features]) -> Matrix {
+    let bags: Vec<Vec<f32>> = frames.par_iter().map(|frame| vocabulary.row(frame.described())).collect();
+    let mut rows = Matrix::new(vocabulary.n_columns());
     bags.iter().for_each(|bag| rows.push_row(bag));
     rows
 }

@@ -219,7 +219,7 @@ fn evidence_sums_to_the_decision_value() {
     let evidence = model.explain(&features, 1);
     assert_eq!(evidence.len(), features.keypoints.len());
     let Machines::Linear(vocabulary, svm) = model.machines() else { panic!("not linear") };
-    let bag = vocabulary.bag_of(&features.descriptors);
+    let bag = vocabulary.row(features.described());
     let sum: f32 = evidence.iter().map(|evidence| evidence.weight).sum();
     assert!((sum - svm.rho()[1] - svm.decision_values(&bag)[1]).abs() < 1e-3);
 }

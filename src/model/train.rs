@@ -96,7 +96,11 @@ impl Model {
         }
         let labels: Vec<usize> =
             samples.iter().map(|sample| places.binary_search(&sample.place).unwrap_or_default()).collect();
-        let set = TrainingSet::new(samples.iter().map(|sample| &sample.features).collect(), config)?;
+        let set = TrainingSet::new(
+            samples.iter().map(|sample| &sample.features).collect(),
+            config,
+            camera.projection.kind(),
+        )?;
         let trainer = Trainer { samples, labels: &labels, n_places: places.len(), config, set };
 
         let folds = trainer.folds();

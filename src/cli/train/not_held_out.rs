@@ -59,7 +59,13 @@ mod tests {
     fn sample(place: &str, n_keypoints: usize) -> Sample {
         let keypoints =
             vec![Keypoint { x: 0.0, y: 0.0, response: 1.0, scale: 1.0, angle: None }; n_keypoints];
-        let features = Features { keypoints, descriptors: Matrix::new(1), frame: Vec::new(), scale: 1.0 };
+        let features = Features {
+            keypoints,
+            descriptors: Matrix::new(1),
+            spots: Vec::new(),
+            frame: Vec::new(),
+            scale: 1.0,
+        };
         Sample { place: place.to_owned(), sequence: String::new(), features }
     }
 
