@@ -13,7 +13,7 @@ use roomsight::camera::{Camera, Projection};
 use roomsight::describe::{Descriptor, SiftDescriptor, SurfDescriptor};
 use roomsight::detect::{Detector, HarrisLaplace, Sift, Surf};
 use roomsight::image::Image;
-use roomsight::model::{Config, Extractor, Scratch};
+use roomsight::model::{Config, Extractor, MachinesConfig, Scratch};
 use roomsight::simulate::CameraKind;
 use std::collections::BTreeMap;
 use std::env;
@@ -39,7 +39,8 @@ fn main() {
     let mut measured: BTreeMap<String, Vec<f64>> = BTreeMap::new();
     for _ in 0..n_rounds {
         for (name, detector, descriptor) in methods() {
-            let config = Config { detector, descriptor, ..Config::default() };
+            let machines = MachinesConfig { detector, descriptor, ..MachinesConfig::default() };
+            let config = Config::of_machines(machines);
             measured.entry(format!("{name}, roomsight")).or_default().push(milliseconds(&config, &images));
         }
         for (name, milliseconds) in opencv(&paths) {

@@ -12,7 +12,7 @@ use image::codecs::jpeg::JpegEncoder;
 use roomsight::camera::{Camera, Mirror, Projection};
 use roomsight::image::{Image, Limits};
 use roomsight::matrix::Matrix;
-use roomsight::model::{Config, Extractor, Features, Model, Representation, Sample, Scratch};
+use roomsight::model::{Config, Extractor, Features, LocalFeatures, Model, Representation, Sample, Scratch};
 use roomsight::simulate::CameraKind;
 use roomsight::svm::{self, Calibration, LinearSvm};
 use roomsight::vocabulary::Vocabulary;
@@ -78,16 +78,17 @@ struct Classification {
 }
 
 impl Classification {
-    fn train(features: &[Features], drive: &Drive, config: &Config) -> Self {
-        let Representation::Bag(vocabulary) = &config.representation else { panic!("no bag by default") };
-        let descriptors: Vec<&Matrix> = features.iter().map(|features| &features.descriptors).collect();
-        let camera = drive.camera.projection.kind();
-        let vocabulary = Vocabulary::train(&descriptors, vocabulary, camera, config.seed).unwrap();
+    fn train(features: &[Features], places: &[String], config: &Config) -> Self {
+        let Representation::Bag(vocabulary) = &config.machines().unwrap().representation else {
+            panic!("no bag by default")
+        };
+        let descriptors: Vec<&Matrix> = features.iter().filter_map(Features::descriptors).collect();
+        let vocabulary = Vocabulary::train(&descriptors, vocabulary, config.seed).unwrap();
         let mut bags = Matrix::new(vocabulary.n_columns());
-        features.iter().for_each(|features| bags.push_row(&vocabulary.row(features.described())));
+        let local = features.iter().flat_map(|features| &features.seen).filter_map(Seen::local);
+        local.for_each(|local| bags.push_row(&vocabulary.row(local.described())));
 
-        let places = &drive.places;
-        let mut names = places.clone();
+        let mut names = places.to_vec();
         names.sort();
         names.dedup();
         let labels: Vec<usize> = places.iter().map(|place| names.binary_search(place).unwrap()).collect();
@@ -103,17 +104,19 @@ impl Classification {
 fn measure(group: &mut BenchmarkGroup<WallTime>, drive: &Drive) {
     let config = Config::default();
     let features = drive.describe(&config);
-    let parts = Classification::train(&features, drive, &config);
+    let parts = Classification::train(&features, &drive.places, &config);
     let view = drive.camera.view(drive.images[0].width(), drive.images[0].height());
     let bags: Vec<&[f32]> = parts.bags.rows().collect();
 
     each(group, "decode", &drive.jpegs, |jpeg| decode(jpeg));
-    each(group, "detect", &drive.images, |image| config.detector.detect(image, &view));
-    let described: Vec<(&Image, &Features)> = drive.images.iter().zip(&features).collect();
-    each(group, "describe", &described, |(image, features)| {
-        config.descriptor.describe(image, &features.keypoints, &view)
+    let machines = config.machines().unwrap();
+    each(group, "detect", &drive.images, |image| machines.detector.detect(image, &view));
+    let local = features.iter().filter_map(|features| features.seen[0].local());
+    let described: Vec<(&Image, &LocalFeatures)> = drive.images.iter().zip(local).collect();
+    each(group, "describe", &described, |(image, local)| {
+        machines.descriptor.describe(image, &local.keypoints, &view)
     });
-    each(group, "bag", &features, |features| parts.vocabulary.row(features.described()));
+    each(group, "bag", &described, |(_, local)| parts.vocabulary.row(local.described()));
     each(group, "classify", &bags, |bag| parts.calibration.probabilities(&parts.svm.decision_values(bag)));
 
     let model = train_model(drive, features, &config);
@@ -125,6 +128,7 @@ fn train_model(drive: &Drive, features: Vec<Features>, config: &Config) -> Model
     let sample = |(features, place): (Features, &String)| Sample {
         place: place.clone(),
         sequence: String::new(),
+        name: String::new(),
         features,
     };
     let samples: Vec<Sample> = features.into_iter().zip(&drive.places).map(sample).collect();

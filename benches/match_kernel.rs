@@ -25,14 +25,13 @@ const N_ROUNDS: usize = 20;
 
 fn main() {
     let matching = MatchConfig::default();
-    let config = Config {
-        representation: Representation::Descriptors {},
-        classifier: Classifier::MatchSvm(matching.clone()),
-        ..Config::default()
-    };
+    let config = Config::default().with_bag(|machines| {
+        machines.representation = Representation::Descriptors {};
+        machines.classifier = Classifier::MatchSvm(matching.clone());
+    });
     let (samples, camera) = described(&config);
     let samples: Vec<&Sample> = samples.iter().collect();
-    let frames: Vec<&Matrix> = samples.iter().map(|sample| &sample.features.descriptors).collect();
+    let frames: Vec<&Matrix> = samples.iter().filter_map(|sample| sample.features.descriptors()).collect();
 
     let mut sets: Vec<DescriptorSet> =
         frames.iter().map(|descriptors| DescriptorSet::new(descriptors, matching.inner)).collect();
@@ -70,6 +69,7 @@ fn described(config: &Config) -> (Vec<Sample>, Camera) {
     let sample = |scratch: &mut Scratch, (frame_idx, image): (usize, &Image)| Sample {
         place: simulation.place(frame_idx).to_owned(),
         sequence: "drive".to_owned(),
+        name: String::new(),
         features: extractor.extract(image, scratch),
     };
     (images.par_iter().enumerate().map_init(Scratch::default, sample).collect(), camera)

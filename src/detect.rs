@@ -100,9 +100,9 @@ impl Detector {
         matches!(self, Self::Dense(dense) if dense.scales.len() > 1)
     }
 
-    /// What is wrong with looking at frames with sides of up to `longest_side` pixels, if anything.
-    pub fn check_size(&self, longest_side: usize) -> Result<(), String> {
-        if let Self::Dense(dense) = self { dense.check_size(longest_side) } else { Ok(()) }
+    /// The longest side of the frames that it looks at, where it has one of its own.
+    pub fn longest_side(&self) -> Option<usize> {
+        if let Self::Dense(dense) = self { Some(dense.longest_side) } else { None }
     }
 
     /// What is wrong with the parameters, if anything.

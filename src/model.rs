@@ -1,26 +1,31 @@
 //! The whole pipeline: labeled frames to a model, a frame to a room.
 //!
-//! Lu et al., "Robust place recognition based on omnidirectional vision and real-time local visual
-//! features for mobile robots": detect, describe, count words, classify.
+//! A model is a list of opinions. Each looks at a frame in its way and tells rooms apart by what it sees; their
+//! decision values are calibrated on held-out frames, and the probabilities multiplied, each to the power of a
+//! weight that was fitted on held-out frames too. A single opinion, machines over bags of words, is the method of Lu et
+//! al., "Robust place recognition based on omnidirectional vision and real-time local visual features for mobile
+//! robots": detect, describe, count words, classify.
 
 mod add;
 mod arrays;
+mod calibration;
 mod card;
 mod config;
-mod cue;
 mod features;
 mod folder;
 mod format;
 mod golden;
 mod held_out;
-mod machines;
+mod learned;
+mod opinion;
+mod pool;
+mod sight;
 mod train;
 mod trial;
 
-pub use add::AddError;
+pub use add::{AddError, Forgotten};
 pub use card::{Addition, Card, Measurement};
-pub use config::{CalibrationConfig, Classifier, Config, Representation, Sigmoids};
-pub use cue::{Cue, FrameLbpCue};
+pub use config::{BAG, CalibrationConfig, Config, PATTERNS, Sigmoids};
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
@@ -28,17 +33,20 @@ pub use folder::{
 };
 pub use format::{FORMAT_VERSION, FormatError};
 pub use golden::{GOLDEN_FOLDER, GoldenFrame};
-pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep};
+pub use opinion::{Classifier, MachinesConfig, OpinionConfig, PatternsConfig, Representation, Size};
+pub use sight::{LocalFeatures, Seen, Sight};
+pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
 pub use trial::{Stage, TrialError, TriedModel, try_model};
 
 use crate::camera::Camera;
 use crate::filter::Transitions;
 use crate::image::Image;
-use crate::svm::{LinearSvm, Scheme, most_probable};
-use crate::vocabulary::Vocabulary;
-use cue::{Opinion, pooled};
-use held_out::HeldOutDecisions;
-use machines::Machines;
+use crate::svm::most_probable;
+use held_out::HeldOutFrames;
+use learned::LearnedFrames;
+use opinion::{Clue, Likeness, Opinion};
+use pool::pooled;
+use std::collections::BTreeMap;
 
 /// The answer for one frame.
 #[derive(Clone, Debug, PartialEq)]
@@ -64,13 +72,15 @@ impl Recognition {
 /// One keypoint's share in an answer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Evidence {
+    /// The opinion that saw it.
+    pub opinion: String,
     /// Column in the frame as it came, in pixels.
     pub x: f32,
     /// Row in the frame as it came, in pixels.
     pub y: f32,
-    /// The word of the vocabulary it was assigned to.
-    pub word_idx: usize,
-    /// Its share in the decision value of the room; negative speaks against it.
+    /// The word of the opinion's vocabulary that it was assigned to, where there is one.
+    pub word_idx: Option<usize>,
+    /// Its share in the opinion's decision value of the room; negative speaks against it.
     pub weight: f32,
 }
 
@@ -82,15 +92,18 @@ pub struct Model {
     extractor: Extractor,
     classification: Classification,
     transitions: Transitions,
-    /// What the calibration rests on, of models that training can go on from.
-    held_out: Option<HeldOutDecisions>,
+    /// What it has learned; nothing in files that do not say.
+    learned: LearnedFrames,
+    /// What the calibration rests on; nothing in files that do not say.
+    held_out: HeldOutFrames,
     card: Card,
 }
 
 /// From features to probabilities.
 #[derive(Clone, Debug)]
 struct Classification {
-    /// One for each sight of the configuration; that of the keypoints is always there, and the first.
+    n_places: usize,
+    /// In the order of the configuration's.
     opinions: Vec<Opinion>,
     /// Answers of at least this probability are known; none are where there is none.
     known_probability: Option<f32>,
@@ -132,19 +145,18 @@ impl Model {
         Self { transitions, ..self }
     }
 
-    /// The number of words of the vocabulary; 0 where descriptors are compared themselves.
-    pub fn n_words(&self) -> usize {
-        self.machines().vocabulary().map_or(0, Vocabulary::n_words)
+    /// How much each opinion holds, by name.
+    pub fn sizes(&self) -> BTreeMap<&str, Size> {
+        self.opinions().map(|(name, opinion)| (name, opinion.size())).collect()
     }
 
-    /// The number of training frames each support vector machine rests on; none for other machines.
-    pub fn n_support_vectors(&self) -> Vec<usize> {
-        self.machines().n_support_vectors()
+    /// How much each opinion counts, by name.
+    pub fn weights(&self) -> BTreeMap<&str, f64> {
+        self.opinions().map(|(name, opinion)| (name, opinion.weight)).collect()
     }
 
-    /// Those that see the keypoints.
-    fn machines(&self) -> &Machines {
-        &self.classification.opinions[0].machines
+    fn opinions(&self) -> impl Iterator<Item = (&str, &Opinion)> {
+        self.config.opinions.keys().map(String::as_str).zip(&self.classification.opinions)
     }
 
     /// From which probability on an answer is known; `None` when none ever is, since held-out answers were
@@ -168,24 +180,22 @@ impl Model {
         self.classification.classify(features)
     }
 
-    /// What each keypoint said, the cue left out, for and against a room, the strongest first. With one machine a pair of
-    /// rooms, the sum over the machines that the room takes part in. Only linear machines can be taken apart
-    /// like this; for others there is nothing.
+    /// What spoke for and against a room, the strongest first: of each opinion that can tell, in units of its own
+    /// decision values.
     pub fn explain(&self, features: &Features, place_idx: usize) -> Vec<Evidence> {
-        let Machines::Linear(vocabulary, svm) = self.machines() else { return Vec::new() };
-        let words = vocabulary.quantize(&features.descriptors);
-        let weights = keypoint_weights((vocabulary, svm), (features, &words), place_idx);
-        let mut evidence: Vec<Evidence> = words
-            .iter()
-            .zip(&features.keypoints)
-            .zip(weights)
-            .map(|((&word, keypoint), weight)| Evidence {
-                x: keypoint.x * features.scale,
-                y: keypoint.y * features.scale,
-                word_idx: word as usize,
+        let by_opinion = |(name, opinion): (&str, &Opinion)| {
+            let of_clue = |Clue { x, y, likeness, weight }| Evidence {
+                opinion: name.to_owned(),
+                x: x * features.scale,
+                y: y * features.scale,
+                word_idx: match likeness {
+                    Likeness::Word(word_idx) => Some(word_idx),
+                },
                 weight,
-            })
-            .collect();
+            };
+            opinion.clues(features, place_idx).into_iter().map(of_clue).collect::<Vec<_>>()
+        };
+        let mut evidence: Vec<Evidence> = self.opinions().flat_map(by_opinion).collect();
         evidence.sort_by(|a, b| b.weight.abs().total_cmp(&a.weight.abs()));
         evidence
     }
@@ -193,59 +203,27 @@ impl Model {
 
 impl Classification {
     fn classify(&self, features: &Features) -> Recognition {
-        let n_keypoints = features.keypoints.len();
-        let probabilities = pooled(self.opinions.iter().filter_map(|opinion| opinion.of(features)));
+        let n_keypoints = features.n_keypoints();
+        let probabilities = pooled(self.opinions.iter().filter_map(|opinion| opinion.vote(features)));
         if probabilities.is_empty() {
             // Nothing was seen: no room is more probable than another.
-            let n_places = self.opinions[0].machines.n_classes();
-            let probabilities = vec![1.0 / n_places as f32; n_places];
+            let probabilities = vec![1.0 / self.n_places as f32; self.n_places];
             return Recognition { place_idx: 0, known: false, probabilities, n_keypoints };
         }
         let place_idx = most_probable(&probabilities);
         let known = is_known(probabilities[place_idx], self.known_probability);
         Recognition { place_idx, known, probabilities, n_keypoints }
     }
+
+    /// What opinions keep to go on from, in all.
+    fn n_kept(&self) -> usize {
+        self.opinions.iter().map(|opinion| opinion.size().n_kept).sum()
+    }
 }
 
 /// Whether an answer of this probability is known, where those of at least `known_probability` are.
 fn is_known(probability: f32, known_probability: Option<f32>) -> bool {
     known_probability.is_some_and(|least| probability >= least)
-}
-
-/// How much each keypoint of a frame with these words adds to the decision value of a room: an equal share of what
-/// each block of the row adds that it counts in.
-fn keypoint_weights(
-    (vocabulary, svm): (&Vocabulary, &LinearSvm),
-    (features, words): (&Features, &[u32]),
-    place_idx: usize,
-) -> Vec<f32> {
-    let row = vocabulary.row_of_words(features.described(), words);
-    let width = vocabulary.block_width();
-    let blocks = || words.iter().zip(&features.spots).map(|(&word, &spot)| vocabulary.blocks(word, spot));
-    let mut counts = vec![0.0; row.len() / width];
-    blocks().flatten().for_each(|block| counts[block] += 1.0);
-    let share = |block: usize| {
-        let column = |column: usize| {
-            let signed = signed_machines(svm, place_idx);
-            let sum: f32 = signed.map(|(machine, sign)| sign * svm.weights().row(machine)[column]).sum();
-            sum * row[column]
-        };
-        (block * width..(block + 1) * width).map(column).sum::<f32>() / f32::max(counts[block], 1.0)
-    };
-    let shares: Vec<f32> = (0..counts.len()).map(share).collect();
-    blocks().map(|blocks| blocks.map(|block| shares[block]).sum()).collect()
-}
-
-/// The machines that speak of a room, and whether their positive side is it.
-fn signed_machines(svm: &LinearSvm, place_idx: usize) -> impl Iterator<Item = (usize, f32)> {
-    let n_places = svm.n_classes();
-    let one_vs_all = (svm.scheme() == Scheme::OneVsAll).then_some((place_idx, 1.0));
-    let pairs = (0..n_places).flat_map(move |a| (a + 1..n_places).map(move |b| (a, b))).enumerate();
-    let one_vs_one = pairs.filter_map(move |(machine, (a, b))| {
-        let sign = if a == place_idx { 1.0 } else { -1.0 };
-        (one_vs_all.is_none() && (a == place_idx || b == place_idx)).then_some((machine, sign))
-    });
-    one_vs_all.into_iter().chain(one_vs_one)
 }
 
 #[cfg(test)]

@@ -188,18 +188,11 @@ pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::matrix::Matrix;
     use crate::model::Features;
 
     fn sample(place: &str, sequence: &str) -> Sample {
-        let features = Features {
-            keypoints: Vec::new(),
-            descriptors: Matrix::new(1),
-            spots: Vec::new(),
-            frame: Vec::new(),
-            scale: 1.0,
-        };
-        Sample { place: place.to_owned(), sequence: sequence.to_owned(), features }
+        let features = Features { seen: Vec::new(), scale: 1.0 };
+        Sample { place: place.to_owned(), sequence: sequence.to_owned(), name: String::new(), features }
     }
 
     #[test]

@@ -63,7 +63,7 @@ impl Config {
             return Err("max_descriptors must be at least n_words, and max_rounds at least 1".to_owned());
         }
         // No camera has more parts.
-        let n_parts = self.pooling.parts(CameraKind::Perspective).n_parts();
+        let n_parts = self.pooling.for_camera(CameraKind::Perspective).parts().n_parts();
         let n_columns = n_parts * self.n_words * self.encoding.n_columns_a_word(n_dimensions);
         if n_columns > MAX_WORDS {
             return Err(format!(
@@ -153,23 +153,18 @@ pub struct Described<'a> {
 impl Vocabulary {
     /// Clusters descriptors by k-means, seeded by k-means++. The result depends on the seed alone, not on the
     /// number of threads.
-    pub fn train(
-        descriptors: &[&Matrix],
-        config: &Config,
-        camera: CameraKind,
-        seed: u64,
-    ) -> Result<Self, VocabularyError> {
+    pub fn train(descriptors: &[&Matrix], config: &Config, seed: u64) -> Result<Self, VocabularyError> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let sample = draw(descriptors, config.max_descriptors, &mut random);
         let centers = kmeans::cluster(&sample, config.n_words, config.max_rounds, &mut random)?;
-        Ok(Self::new(centers, config, camera))
+        Ok(Self::new(centers, config))
     }
 
     /// A vocabulary of these centers, one a row. As means of descriptors, none is longer than 1.
-    pub fn new(centers: Matrix, config: &Config, camera: CameraKind) -> Self {
+    pub fn new(centers: Matrix, config: &Config) -> Self {
         let columns = UnitColumns::new(&centers);
         let Config { normalization, encoding, pooling, .. } = *config;
-        Self { centers, columns, normalization, encoding, parts: pooling.parts(camera) }
+        Self { centers, columns, normalization, encoding, parts: pooling.parts() }
     }
 
     /// The centers, one a row.
@@ -262,7 +257,7 @@ mod tests {
 
     fn vocabulary(config: &Config) -> Vocabulary {
         let centers = Matrix::from_vec(vec![0.0, 0.0, 1.0, 0.0, 0.0, 1.0], 2).unwrap();
-        Vocabulary::new(centers, config, CameraKind::Perspective)
+        Vocabulary::new(centers, config)
     }
 
     fn of(normalization: Normalization) -> Vocabulary {

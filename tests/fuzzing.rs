@@ -12,7 +12,7 @@ use rand::{Rng, SeedableRng};
 use roomsight::camera::{Camera, Projection};
 use roomsight::image::Image;
 use roomsight::model::{
-    Classifier, Config, Cue, Extractor, FrameLbpCue, GoldenFrame, Model, Representation, Sample, Scratch,
+    Classifier, Config, Extractor, GoldenFrame, Model, PatternsConfig, Representation, Sample, Scratch,
 };
 use roomsight::repository::package;
 use roomsight::{boost, svm, vocabulary};
@@ -71,13 +71,15 @@ fn pictures() -> Vec<Vec<u8>> {
 /// One small model of each kind.
 fn trained() -> Vec<Model> {
     let bag = vocabulary::Config { n_words: 8, ..vocabulary::Config::default() };
-    let words = Config { longest_side: 96, representation: Representation::Bag(bag), ..Config::default() };
+    let words = Config { longest_side: 96, ..Config::default() };
+    let words = words.with_bag(|machines| machines.representation = Representation::Bag(bag));
+    let with = |classifier| words.with_bag(|machines| machines.classifier = classifier);
     let matched = Classifier::MatchSvm(svm::MatchConfig::default());
     let configs = [
-        Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..words.clone() },
-        Config { classifier: Classifier::KernelSvm(svm::KernelConfig::default()), ..words.clone() },
-        Config { classifier: Classifier::Boost(boost::Config { n_rounds: 4 }), ..words.clone() },
-        Config { classifier: matched, representation: Representation::Descriptors {}, ..words.clone() },
+        words.clone().with_patterns(0.5, PatternsConfig::default()),
+        with(Classifier::KernelSvm(svm::KernelConfig::default())),
+        with(Classifier::Boost(boost::Config { n_rounds: 4 })),
+        with(matched).with_bag(|machines| machines.representation = Representation::Descriptors {}),
         words,
     ];
     configs.iter().map(train).collect()
@@ -94,7 +96,12 @@ fn train(config: &Config) -> Model {
         };
         let frame = Image::from_pixels(64, 48, (0..64 * 48).map(pixel).collect()).unwrap();
         let features = extractor.extract(&frame, &mut Scratch::default());
-        Sample { place: format!("room {}", idx % 3), sequence: format!("drive {}", idx % 2), features }
+        Sample {
+            place: format!("room {}", idx % 3),
+            sequence: format!("drive {}", idx % 2),
+            name: format!("{idx}.jpg"),
+            features,
+        }
     };
     let samples: Vec<Sample> = (0..12).map(sample).collect();
     let samples: Vec<&Sample> = samples.iter().collect();
@@ -242,7 +249,7 @@ fn seeds_of_the_service_are_answered() {
 
 fn settings() -> Vec<Vec<u8>> {
     let settings = roomsight::server::Settings::default().to_toml().unwrap();
-    let config = Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..Config::default() };
+    let config = Config::default().with_patterns(0.5, PatternsConfig::default());
     vec![settings.into_bytes(), toml::to_string(&config).unwrap().into_bytes()]
 }
 

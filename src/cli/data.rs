@@ -4,7 +4,7 @@ use super::output;
 use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::dataset::{self, Dataset, Described, Problem};
 use crate::image::{Image, Limits};
-use crate::model::{Config, Extractor, LoadedModel, Model};
+use crate::model::{BAG, Config, Extractor, LoadedModel, Model, PATTERNS};
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
@@ -24,6 +24,12 @@ const MAX_SIDE: u32 = 65_535;
 
 /// Bytes a pixel that decoding takes at most: samples of 16 bits with their transparency, and luma.
 const MEMORY_PER_PIXEL: u64 = 10;
+
+/// The table of opinions in a configuration.
+const OPINIONS: &str = "opinions";
+
+/// Tables whose keys are names that people choose.
+const BY_NAME: [&str; 2] = [OPINIONS, "weights"];
 
 /// Which frames of a data set to take.
 #[derive(Args)]
@@ -164,10 +170,13 @@ impl ConfigArgs {
         if let Some(path) = &self.config {
             let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
             let file: toml::Table = text.parse().with_context(|| path.display().to_string())?;
-            merge(&mut table, file);
+            if file.contains_key(OPINIONS) {
+                table.remove(OPINIONS);
+            }
+            merge(&mut table, spelled_out(file)?);
         }
         for parameter in self.parameters.iter().chain(more) {
-            merge(&mut table, parse_parameter(parameter)?);
+            merge(&mut table, spelled_out(parse_parameter(parameter)?)?);
             // Another variant brings its own parameters, which the next change may name.
             table = toml::Table::try_from(table.try_into::<Config>()?)?;
         }
@@ -312,11 +321,42 @@ fn parse_parameter(parameter: &str) -> anyhow::Result<toml::Table> {
     line.parse().or_else(|_| quoted()).with_context(|| format!("{parameter:?} is not NAME=VALUE"))
 }
 
+/// The same table with the parameters of opinions under the names of these: `classifier` alone is that of the bag, and
+/// a cue is an opinion on patterns that shares the weight with the bag.
+fn spelled_out(mut table: toml::Table) -> anyhow::Result<toml::Table> {
+    let mut opinions = toml::Table::new();
+    let mut bag = toml::Table::new();
+    for name in ["detector", "descriptor", "representation", "classifier"] {
+        bag.extend(table.remove(name).map(|value| (name.to_owned(), value)));
+    }
+    if !bag.is_empty() {
+        opinions.insert(BAG.to_owned(), bag.into());
+    }
+    if let Some(cue) = table.remove("cue") {
+        let mut patterns: toml::Table = cue.try_into()?;
+        if let Some(weight) = patterns.remove("weight") {
+            let weight: f64 = weight.try_into()?;
+            let weights = [(BAG, 1.0 - weight), (PATTERNS, weight)];
+            let weights = weights.map(|(name, weight)| (name.to_owned(), weight.into()));
+            table.insert("weights".to_owned(), toml::Table::from_iter(weights).into());
+        }
+        patterns.remove("kind");
+        patterns.insert("kind".to_owned(), PATTERNS.into());
+        opinions.insert(PATTERNS.to_owned(), patterns.into());
+    }
+    if !opinions.is_empty() {
+        merge(&mut table, toml::Table::from_iter([(OPINIONS.to_owned(), opinions.into())]));
+    }
+    Ok(table)
+}
+
 /// Overwrites what `changes` names. A table that chooses another variant replaces the old one whole.
 fn merge(table: &mut toml::Table, changes: toml::Table) {
     for (name, change) in changes {
         match (table.get_mut(&name), change) {
-            (Some(toml::Value::Table(old)), toml::Value::Table(new)) if !is_other_variant(old, &new) => {
+            (Some(toml::Value::Table(old)), toml::Value::Table(new))
+                if BY_NAME.contains(&name.as_str()) || !is_other_variant(old, &new) =>
+            {
                 merge(old, new);
             }
             (_, change) => {
@@ -359,15 +399,16 @@ mod tests {
             "seed=3",
         ]);
         let config = config.unwrap();
-        let Representation::Bag(bag) = &config.representation else { panic!("no bag") };
+        let machines = config.machines().unwrap();
+        let Representation::Bag(bag) = &machines.representation else { panic!("no bag") };
         assert_eq!((bag.n_words, bag.normalization, config.seed), (50, Normalization::L1, 3));
-        assert_eq!(config.detector, Detector::Fast(Fast { threshold: FastThreshold::Fixed(20) }));
-        assert!(matches!(config.descriptor, Descriptor::Lbp(_)));
+        assert_eq!(machines.detector, Detector::Fast(Fast { threshold: FastThreshold::Fixed(20) }));
+        assert!(matches!(machines.descriptor, Descriptor::Lbp(_)));
         assert_eq!(read(&[]).unwrap(), Config::default());
         let matching =
             ["representation.kind=descriptors", "classifier.kind=match_svm", "classifier.inner.gamma=2"];
         assert!(
-            matches!(read(&matching).unwrap().classifier, Classifier::MatchSvm(config) if config.inner == InnerKernel::Rbf { gamma: 2.0 })
+            matches!(&read(&matching).unwrap().machines().unwrap().classifier, Classifier::MatchSvm(config) if config.inner == InnerKernel::Rbf { gamma: 2.0 })
         );
     }
 

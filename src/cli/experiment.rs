@@ -159,9 +159,13 @@ fn names(experiments: &[Experiment]) -> String {
 }
 
 fn quick(mut config: Config) -> Config {
-    if let Representation::Bag(bag) = &mut config.representation {
-        bag.max_descriptors = bag.max_descriptors.min(20_000);
-        bag.max_rounds = bag.max_rounds.min(5);
+    if config.machines().is_some() {
+        config = config.with_bag(|machines| {
+            if let Representation::Bag(bag) = &mut machines.representation {
+                bag.max_descriptors = bag.max_descriptors.min(20_000);
+                bag.max_rounds = bag.max_rounds.min(5);
+            }
+        });
     }
     config.calibration.n_folds = 2;
     config

@@ -3,10 +3,8 @@
 use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
 use crate::camera::{Camera, CameraKind, Projection};
-use crate::describe::Descriptor;
-use crate::detect::Keypoint;
 use crate::image::{Image, Limits};
-use crate::model::{Extractor, LoadedModel, Scratch};
+use crate::model::{Extractor, Features, LoadedModel, Scratch, Seen, Sight, Size};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
@@ -55,7 +53,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     if json {
         let about = serde_json::json!({
             "digest": digest, "places": model.places(), "camera": model.camera().projection,
-            "n_support_vectors": model.n_support_vectors(), "known_probability": model.known_probability(),
+            "opinions": model.sizes(), "weights": model.weights(), "known_probability": model.known_probability(),
             "card": card, "config": model.config(),
         });
         say!("{}", serde_json::to_string_pretty(&about)?)?;
@@ -70,10 +68,21 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     output::card_rows(card).into_iter().for_each(|(name, value)| add(name, value));
     let known_probability = model.known_probability().map(|least| format!("{least:.2}"));
     add("known from probability", known_probability.unwrap_or_else(|| "never".to_owned()));
-    add("support vectors", format!("{:?}", model.n_support_vectors()));
+    for (name, size) in model.sizes() {
+        add(&format!("opinion {name}"), format!("counts {:.2}; {}", model.weights()[name], size_text(&size)));
+    }
     add("digest", digest.clone());
     say!("{table}\n\n{}", toml::to_string(model.config())?)?;
     Ok(())
+}
+
+fn size_text(Size { n_words, n_support_vectors, n_kept }: &Size) -> String {
+    let mut parts: Vec<String> = n_words.map(|n_words| format!("{n_words} words")).into_iter().collect();
+    if !n_support_vectors.is_empty() {
+        parts.push(format!("support vectors {n_support_vectors:?}"));
+    }
+    parts.push(format!("keeps {n_kept} to go on from"));
+    parts.join(", ")
 }
 
 fn camera_text(projection: &Projection) -> String {
@@ -98,13 +107,13 @@ fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
     let image = data::read_image(path, &Limits::default().enough_for(config.longest_side))?;
     let features = Extractor::new(&config, camera.clone()).extract(&image, &mut Scratch::default());
     let working = image.shrink_to(config.longest_side).unwrap_or(image);
-    let picture = picture(&working, &camera, &features.keypoints, &config.descriptor);
+    let picture = picture(&working, &camera, &config.sights(), &features);
     let here = || path.with_extension("inspect.png").file_name().map(PathBuf::from).unwrap_or_default();
     let output = args.output.clone().unwrap_or_else(here);
     picture
         .save_with_format(&output, image::ImageFormat::Png)
         .with_context(|| output.display().to_string())?;
-    say!("{} keypoints, drawn into {}", features.keypoints.len(), output.display())?;
+    say!("{} keypoints, drawn into {}", features.n_keypoints(), output.display())?;
     Ok(())
 }
 
@@ -117,7 +126,7 @@ fn projection(kind: CameraKind) -> anyhow::Result<Projection> {
 }
 
 /// The frame with its keypoints, the outlines of their regions, and a tint where nothing is detected.
-fn picture(image: &Image, camera: &Camera, keypoints: &[Keypoint], descriptor: &Descriptor) -> RgbImage {
+fn picture(image: &Image, camera: &Camera, sights: &[Sight], features: &Features) -> RgbImage {
     let view = camera.view(image.width(), image.height());
     let mut picture = RgbImage::from_fn(image.width() as u32, image.height() as u32, |x, y| {
         let value = image.row(y as usize)[x as usize];
@@ -127,13 +136,16 @@ fn picture(image: &Image, camera: &Camera, keypoints: &[Keypoint], descriptor: &
             Rgb(HIDDEN_TINT.0.map(|tint| tint / 2 + value / 4))
         }
     });
-    for keypoint in keypoints {
-        let corners = descriptor.square(keypoint, &view);
-        for side in 0..4 {
-            draw_line(&mut picture, corners[side], corners[(side + 1) % 4], REGION_COLOR);
+    for (sight, seen) in sights.iter().zip(&features.seen) {
+        let (Sight::Keypoints { descriptor, .. }, Seen::Local(local)) = (sight, seen) else { continue };
+        for keypoint in &local.keypoints {
+            let corners = descriptor.square(keypoint, &view);
+            for side in 0..4 {
+                draw_line(&mut picture, corners[side], corners[(side + 1) % 4], REGION_COLOR);
+            }
         }
     }
-    for keypoint in keypoints {
+    for keypoint in features.keypoints() {
         let (x, y) = (keypoint.x, keypoint.y);
         draw_line(&mut picture, (x - 2.0, y), (x + 2.0, y), KEYPOINT_COLOR);
         draw_line(&mut picture, (x, y - 2.0), (x, y + 2.0), KEYPOINT_COLOR);

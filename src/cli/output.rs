@@ -76,9 +76,8 @@ pub fn card_rows(card: &Card) -> Vec<(&'static str, String)> {
     }
     let simulated = if card.simulated { ", simulated" } else { "" };
     rows.push(("trained on", format!("{} frames{simulated}: {}", card.n_frames, card.sequences.join(", "))));
-    for Addition { sequence, n_frames, forget, n_before, n_learned, n_left } in &card.additions {
-        let trade =
-            format!("{n_before} support vectors, then {n_learned}, {n_left} left at --forget {forget}");
+    for Addition { sequence, n_frames, forget, n_before, n_left } in &card.additions {
+        let trade = format!("kept {n_before} before, {n_left} since, at --forget {forget}");
         rows.push(("added later", format!("{n_frames} frames: {sequence} ({trade})")));
     }
     for measured in &card.measured {

@@ -276,14 +276,12 @@ fn card(args: &TrainArgs, trained: &Trained, evaluation: &Evaluation) -> Card {
     card
 }
 
-/// What each addition did to the support vectors, those of earlier calls included.
+/// What each addition did to what is kept, those of earlier calls included.
 fn additions(additions: &[Addition]) -> comfy_table::Table {
-    let mut table =
-        output::table(["added", "frames", "--forget", "support vectors before", "learned", "left"]);
-    for Addition { sequence, n_frames, forget, n_before, n_learned, n_left } in additions {
-        let numbers = [n_frames, n_before, n_learned, n_left].map(ToString::to_string);
-        let [n_frames, n_before, n_learned, n_left] = numbers;
-        table.add_row([sequence.clone(), n_frames, forget.to_string(), n_before, n_learned, n_left]);
+    let mut table = output::table(["added", "frames", "--forget", "kept before", "kept now"]);
+    for Addition { sequence, n_frames, forget, n_before, n_left } in additions {
+        let [n_frames, n_before, n_left] = [n_frames, n_before, n_left].map(ToString::to_string);
+        table.add_row([sequence.clone(), n_frames, forget.to_string(), n_before, n_left]);
     }
     table
 }

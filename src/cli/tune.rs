@@ -99,7 +99,8 @@ pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
 
 /// What is tried when nothing is asked for.
 fn default_tries(config: &Config) -> Vec<String> {
-    let of_classifier: &[&str] = match &config.classifier {
+    let Some(machines) = config.machines() else { return Vec::new() };
+    let of_classifier: &[&str] = match &machines.classifier {
         Classifier::LinearSvm(_) => &["classifier.c=0.1,1,10"],
         Classifier::KernelSvm(KernelConfig { kernel, .. }) => match kernel {
             KernelFunction::Linear | KernelFunction::HistogramIntersection => {
@@ -113,7 +114,7 @@ fn default_tries(config: &Config) -> Vec<String> {
         Classifier::MatchSvm(_) => &["classifier.machines.c=1,10", "classifier.inner.gamma=2,4,8"],
         Classifier::Boost(_) => &["classifier.n_rounds=50,200,800"],
     };
-    let of_words: &[&str] = match config.representation {
+    let of_words: &[&str] = match machines.representation {
         Representation::Bag(_) => &["representation.n_words=300,1000"],
         Representation::Descriptors {} => &[],
     };

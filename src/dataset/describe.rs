@@ -50,7 +50,7 @@ impl Dataset {
                 let image = frame.decode(&bytes, limits)?;
                 let features = extractor.extract(&image, scratch);
                 let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
-                let sample = Sample { place, sequence, features };
+                let sample = Sample { place, sequence, name: self.name_of(frame), features };
                 Ok(Read { sample, digest: blake3::hash(&bytes), is_damaged: image.damaged_rows() > 0 })
             });
             on_frame();
@@ -74,6 +74,11 @@ impl Dataset {
             }
         }
         described
+    }
+
+    /// What a frame is called: its path within the data set.
+    fn name_of(&self, frame: &super::Frame) -> String {
+        frame.path.strip_prefix(&self.root).unwrap_or(&frame.path).display().to_string()
     }
 
     /// Finds the mirror of the camera in frames spread evenly over the data set. Frames that cannot be read

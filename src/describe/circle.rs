@@ -67,9 +67,13 @@ impl Neighbor {
         let (column, row) = (dx.floor(), dy.floor());
         let (right, bottom) = (dx - column, dy - row);
         let weight = |share: f64| (share * f64::from(ONE)).round() as u16;
-        let top_right = weight(right * (1.0 - bottom));
-        let bottom_left = weight((1.0 - right) * bottom);
-        let bottom_right = weight(right * bottom);
+        let mut others = [right * (1.0 - bottom), (1.0 - right) * bottom, right * bottom].map(weight);
+        // Of a neighbor almost on a pixel of these, the three may be rounded to more than there is.
+        let excess = others.iter().sum::<u16>().saturating_sub(ONE);
+        if let Some(largest) = others.iter_mut().max() {
+            *largest -= excess;
+        }
+        let [top_right, bottom_left, bottom_right] = others;
         let top_left = ONE - top_right - bottom_left - bottom_right;
         Self {
             column: column as isize,
@@ -86,6 +90,15 @@ mod tests {
     use crate::describe::Region;
     use crate::detect::Keypoint;
     use crate::image::Image;
+
+    #[test]
+    fn weights_sum_to_one_at_any_radius() {
+        for step in 0..70_000 {
+            let circle = NeighborCircle::new(6, 1.0 + step as f32 * 1e-4);
+            let sums = circle.neighbors.iter().map(|neighbor| neighbor.weights.iter().sum::<u16>());
+            assert!(sums.into_iter().all(|sum| sum == ONE), "{step}");
+        }
+    }
 
     #[test]
     fn neighbors_of_a_plane_surface_are_where_the_circle_says() {

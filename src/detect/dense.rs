@@ -17,6 +17,9 @@ const MAX_SCALES: usize = 16;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Dense {
+    /// Frames whose longest side exceeds this are shrunk to it before the grid is laid over them, in pixels: what is
+    /// everywhere need not be seen closely.
+    pub longest_side: usize,
     /// From one point to the next, along rows and columns, in pixels.
     pub step: usize,
     /// Each point is described at each of these scales, from 0.5 to 32; see [`Keypoint::scale`].
@@ -28,12 +31,18 @@ pub struct Dense {
 
 impl Default for Dense {
     fn default() -> Self {
-        Self { step: 8, scales: vec![1.0, 1.5, 2.0, 3.0], margin: 8.0 }
+        Self { longest_side: 256, step: 8, scales: vec![1.0, 1.5, 2.0, 3.0], margin: 8.0 }
     }
 }
 
 impl Dense {
     pub(super) fn check(&self) -> Result<(), String> {
+        if !(16..=8192).contains(&self.longest_side) {
+            return Err(format!(
+                "the longest_side of a grid must be from 16 to 8192 pixels, not {}",
+                self.longest_side
+            ));
+        }
         if !(1..=256).contains(&self.step) {
             return Err(format!("the step of a grid must be from 1 to 256 pixels, not {}", self.step));
         }
@@ -46,11 +55,12 @@ impl Dense {
         if !(0.0..=128.0).contains(&self.margin) {
             return Err(format!("the margin of a grid must be from 0 to 128 pixels, not {}", self.margin));
         }
-        Ok(())
+        self.check_number()
     }
 
-    /// That frames with sides of up to `longest_side` pixels do not have too many points.
-    pub(super) fn check_size(&self, longest_side: usize) -> Result<(), String> {
+    /// That frames do not have too many points.
+    fn check_number(&self) -> Result<(), String> {
+        let longest_side = self.longest_side;
         let n_keypoints = longest_side.div_ceil(self.step).pow(2) * self.scales.len();
         if n_keypoints > MAX_KEYPOINTS {
             return Err(format!(
@@ -96,7 +106,7 @@ mod tests {
 
     #[test]
     fn the_grid_is_in_the_middle_and_stays_off_the_border_by_scale() {
-        let dense = Dense { step: 10, scales: vec![1.0, 2.0], margin: 8.0 };
+        let dense = Dense { step: 10, scales: vec![1.0, 2.0], ..Dense::default() };
         let found = detect(&Detector::Dense(dense), &flat(44, 31));
         let at = |wanted: f32| -> Vec<(f32, f32)> {
             found.iter().filter(|found| found.scale == wanted).map(|found| (found.x, found.y)).collect()
@@ -106,8 +116,10 @@ mod tests {
             [(11.0, 10.0), (21.0, 10.0), (31.0, 10.0), (11.0, 20.0), (21.0, 20.0), (31.0, 20.0)]
         );
         assert_eq!(at(2.0), []);
-        let larger =
-            detect(&Detector::Dense(Dense { step: 10, scales: vec![2.0], margin: 8.0 }), &flat(44, 44));
+        let larger = detect(
+            &Detector::Dense(Dense { step: 10, scales: vec![2.0], ..Dense::default() }),
+            &flat(44, 44),
+        );
         assert_eq!(larger.iter().map(|found| (found.x, found.y)).collect::<Vec<_>>(), [(21.0, 21.0)]);
     }
 
@@ -143,8 +155,9 @@ mod tests {
             assert!(dense.check().is_err(), "{dense:?}");
         }
         assert_eq!(defaults().check(), Ok(()));
-        assert_eq!(defaults().check_size(640), Ok(()));
-        let error = defaults().check_size(8192).unwrap_err();
+        assert_eq!(Dense { longest_side: 640, ..defaults() }.check(), Ok(()));
+        assert!(Dense { longest_side: 8193, ..defaults() }.check().is_err());
+        let error = Dense { longest_side: 8192, ..defaults() }.check().unwrap_err();
         assert!(error.contains("raise the step"), "{error}");
     }
 

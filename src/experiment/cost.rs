@@ -2,7 +2,7 @@
 
 use super::{Cost, Drive, ExperimentError, Occlusion};
 use crate::image::{Image, Limits};
-use crate::model::{Config, Extractor, Model, Sample, Scratch};
+use crate::model::{BAG, Config, Extractor, Model, Sample, Scratch};
 use std::env::consts::ARCH;
 use std::fs;
 use std::time::Instant;
@@ -32,6 +32,8 @@ pub(super) fn measure([train, test]: [&Drive; 2], config: &Config) -> Result<Cos
         let of_frame = [features_ms, classify_ms, decode_ms + features_ms + classify_ms];
         times.iter_mut().zip(of_frame).for_each(|(times, time)| times.push(time));
     }
+    let bag = model.sizes().remove(BAG).unwrap_or_default();
+    let n_dimensions = config.machines().map_or(0, |machines| machines.descriptor.n_dimensions());
     let [features_ms, classify_ms, whole_ms] = times.map(median);
     Ok(Cost {
         cpu: cpu_name(),
@@ -40,8 +42,8 @@ pub(super) fn measure([train, test]: [&Drive; 2], config: &Config) -> Result<Cos
         whole_ms,
         training_s: training_ms / 1000.0,
         model_bytes,
-        vocabulary: [model.n_words(), config.descriptor.n_dimensions()],
-        n_support_vectors: model.n_support_vectors(),
+        vocabulary: [bag.n_words.unwrap_or_default(), n_dimensions],
+        n_support_vectors: bag.n_support_vectors,
     })
 }
 

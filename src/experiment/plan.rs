@@ -4,7 +4,7 @@ mod lu;
 mod ullah;
 
 use super::{Drives, Experiment, ExperimentError};
-use crate::model::{Config, Sigmoids};
+use crate::model::{Config, MachinesConfig, Sigmoids};
 use crate::svm::Scheme;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -160,7 +160,10 @@ impl Experiment {
 /// One sigmoid for machines of one class each decides how sure answers are, but not which they are: two folds are
 /// enough to fit it.
 fn quickly_calibrated(mut config: Config) -> Config {
-    if config.calibration.sigmoids == Sigmoids::Shared && config.classifier.scheme() == Scheme::OneVsAll {
+    let is_one_vs_all = |machines: &MachinesConfig| {
+        machines.classifier.scheme() == Scheme::OneVsAll && config.opinions.len() == 1
+    };
+    if config.calibration.sigmoids == Sigmoids::Shared && config.machines().is_some_and(is_one_vs_all) {
         config.calibration.n_folds = 2;
     }
     config

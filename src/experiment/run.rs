@@ -6,7 +6,7 @@ use super::{
     cost, stability,
 };
 use crate::dataset::Described;
-use crate::model::{Config, Model, Representation, Sample};
+use crate::model::{Config, Model, OpinionConfig, Sample};
 use crate::validate;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -77,8 +77,9 @@ impl Cell {
 
     /// One where nothing is random: frames of known sequences are compared with each other.
     fn n_seeds(&self, n_seeds: u64) -> u64 {
-        match (&self.work, &self.config.representation) {
-            (Work::Rate { .. }, Representation::Bag(_)) => n_seeds,
+        let is_random = self.config.opinions.values().any(OpinionConfig::is_random);
+        match self.work {
+            Work::Rate { .. } if is_random => n_seeds,
             _ => n_seeds.min(1),
         }
     }
@@ -191,7 +192,8 @@ impl Runner<'_> {
             .map_err(|error| ExperimentError::Impossible(error.to_string()))?
             .model;
         self.trained.push((key.to_owned(), model));
-        let has_words = |(_, model): &(String, Model)| model.n_words() > 0;
+        let has_words =
+            |(_, model): &(String, Model)| model.sizes().values().any(|size| size.n_words.is_some());
         for (words, max_kept) in [(true, MAX_TRAINED), (false, MAX_TRAINED_WITHOUT_WORDS)] {
             if self.trained.iter().filter(|trained| has_words(trained) == words).count() > max_kept {
                 let oldest = self.trained.iter().position(|trained| has_words(trained) == words);

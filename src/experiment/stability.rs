@@ -11,7 +11,7 @@ use crate::camera::Projection;
 use crate::dataset::Pose;
 use crate::image::Limits;
 use crate::matrix::Matrix;
-use crate::model::{Config, Extractor, Scratch};
+use crate::model::{Config, Extractor, Scratch, Seen};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -107,9 +107,10 @@ impl Panorama {
             }
         };
         let scale = features.scale;
+        let local = features.seen.iter().find_map(Seen::local)?;
         let directions =
-            features.keypoints.iter().map(|keypoint| direction(keypoint.x * scale, keypoint.y * scale));
-        Some(Self { directions: directions.collect::<Option<_>>()?, descriptors: features.descriptors })
+            local.keypoints.iter().map(|keypoint| direction(keypoint.x * scale, keypoint.y * scale));
+        Some(Self { directions: directions.collect::<Option<_>>()?, descriptors: local.descriptors.clone() })
     }
 }
 

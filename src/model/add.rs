@@ -1,43 +1,50 @@
-//! More frames for a trained model, in bounded memory: of the frames learned before only the support vectors
-//! are kept (Luo, Pronobis, Caputo and Jensfelt, "Incremental Learning for Place Recognition in Dynamic
-//! Environments", IROS 2007; Pronobis, Jie and Caputo, "The More You Learn, the Less You Store", Image and
-//! Vision Computing 2010).
+//! More frames for a trained model, and less: drives are learned in addition without the frames of before, and drives or
+//! rooms are forgotten.
 //!
-//! Probabilities are calibrated on answers that a model gave to frames before it learned them. Each new
+//! Opinions keep what they need for it: a memory all descriptors, linear machines the row of each frame, kernel
+//! machines the support vectors alone, in bounded memory (Luo, Pronobis, Caputo and Jensfelt, "Incremental Learning for
+//! Place Recognition in Dynamic Environments", IROS 2007; Pronobis, Jie and Caputo, "The More You Learn, the Less
+//! You Store", Image and Vision Computing 2010).
+//!
+//! Probabilities and weights are fitted on answers that a model gave to frames before it learned them. Each new
 //! sequence is therefore answered first and learned then, and its decision values join those that the model
-//! has kept from before: the sigmoids rest on every drive so far, not on the last one's light alone. As with
-//! held-out folds, they are the values of machines that had learned less, so the new model is rather better
+//! has kept from before: the calibration rests on every drive so far, not on the last one's light alone. As with
+//! held-out folds, they are the values of opinions that had learned less, so the new model is rather better
 //! than they say.
 
-use super::cue::Opinion;
-use super::held_out::HeldOutDecisions;
-use super::machines::{self, Machines};
+use super::held_out::{self, Decided, Fusion, HeldOutFrames, Outcome};
+use super::learned::LearnedFrames;
+use super::opinion::{Added, Left, Opinion};
+use super::sight::Seen;
 use super::{
-    Addition, Card, Classification, Classifier, Features, HeldOut, Model, Recognition, Sample, TrainError,
-    Training, TrainingStep,
+    Addition, Card, Classification, HeldOut, Model, Recognition, Sample, TrainError, Training, TrainingStep,
 };
 use crate::filter::Transitions;
-use crate::matrix::Matrix;
-use crate::svm::{Config, IncrementalSvm, KernelConfig, KernelSvm, SvmError};
-use crate::vocabulary::Vocabulary;
+use crate::svm::SvmError;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 
-/// Why nothing was added to a model.
+/// Why nothing was added to a model, or forgotten by it.
 #[derive(Debug, thiserror::Error)]
 pub enum AddError {
-    /// A classifier without support vectors to go on from.
+    /// A classifier without anything to go on from.
     #[error(
         "a model with the classifier {classifier} does not keep what training needs to go on: train one with \
-         classifier.kind = kernel_svm"
+         classifier.kind = linear_svm or kernel_svm, or by default"
     )]
     Classifier {
         /// Its name in a configuration.
         classifier: &'static str,
     },
-    /// A cue, whose machines keep no support vectors.
-    #[error("a model with a cue does not keep what training needs to go on: train one without cue")]
-    Cue,
+    /// A classifier that does not know which frames it learned from.
+    #[error(
+        "a model with the classifier {classifier} does not know what came from which frame, so it cannot forget one: \
+         train one with classifier.kind = linear_svm, or by default"
+    )]
+    Unforgettable {
+        /// Its name in a configuration.
+        classifier: &'static str,
+    },
     /// A model file of an earlier version.
     #[error(
         "the version of roomsight that trained this model did not keep what training needs to go on: train \
@@ -59,6 +66,25 @@ pub enum AddError {
         /// The room.
         place: String,
     },
+    /// A class that has no frame left, before its name is known.
+    #[error("the model has forgotten a room: add frames of it, or forget less")]
+    ForgottenClass {
+        /// Its number.
+        class_idx: usize,
+    },
+    /// What is to be forgotten was never learned.
+    #[error("the model has learned no {what} called {name}: {learned}")]
+    NeverLearned {
+        /// A drive or a room.
+        what: &'static str,
+        /// As it was called.
+        name: String,
+        /// What there is.
+        learned: String,
+    },
+    /// What would be left is no model.
+    #[error("without it the model would know {0} rooms only: it needs two")]
+    TooFewLeft(usize),
     /// No calibration.
     #[error(transparent)]
     Train(#[from] TrainError),
@@ -67,15 +93,25 @@ pub enum AddError {
     Svm(#[from] SvmError),
 }
 
+/// What a model is to forget.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Forgotten<'a> {
+    /// All frames of a drive.
+    Drive(&'a str),
+    /// All frames of a room, and the room.
+    Place(&'a str),
+}
+
 impl Model {
     /// Learns more samples, which were described for this model's configuration and camera, sequence by
     /// sequence. Rooms that are new to the model join the others.
     ///
-    /// `forget`, from 0 to below 1, is the trade between accuracy and memory: support vectors are dropped of
-    /// which the others make up all but this share. At 0 nothing is lost. See [`IncrementalSvm::reduced`].
+    /// `forget`, from 0 to below 1, is the trade between accuracy and memory of kernel machines: support vectors are
+    /// dropped of which the others make up all but this share. At 0 nothing is lost. See
+    /// [`crate::svm::IncrementalSvm::reduced`].
     ///
     /// The held-out answers are those to each sequence before it was learned; frames of rooms that were new
-    /// then, or without a keypoint, have none. The card says what was added. `progress` is called before each
+    /// then, or in which nothing was seen, have none. The card says what was added. `progress` is called before each
     /// step.
     ///
     /// # Errors
@@ -107,10 +143,10 @@ impl Model {
     /// Whether [`Model::add`] can go on from this model with frames of these sequences.
     ///
     /// # Errors
-    /// A classifier other than kernel SVMs, a model file of a version before this was possible, a sequence
+    /// A classifier that keeps nothing, a model file of a version before this was possible, a sequence
     /// that the card names already.
     pub fn check_addition<'a>(&self, sequences: impl IntoIterator<Item = &'a str>) -> Result<(), AddError> {
-        self.continuation()?;
+        self.classification.opinions.iter().try_for_each(|opinion| opinion.trained.check_addition())?;
         let known = |name: &&str| !name.is_empty() && self.card.sequences.iter().any(|known| known == name);
         match sequences.into_iter().find(known) {
             Some(sequence) => Err(AddError::KnownSequence { sequence: sequence.to_owned() }),
@@ -118,37 +154,88 @@ impl Model {
         }
     }
 
-    /// What training goes on from.
-    fn continuation(&self) -> Result<Continuation<'_>, AddError> {
-        let refused = |classifier| Err(AddError::Classifier { classifier });
-        let config = match &self.config.classifier {
-            Classifier::KernelSvm(config) => config,
-            Classifier::LinearSvm(_) => return refused("linear_svm"),
-            Classifier::MatchSvm(_) => return refused("match_svm"),
-            Classifier::Boost(_) => return refused("boost"),
+    /// The same model as if it had never seen some of its frames, but for words and the like, which stay. What robots'
+    /// moves between rooms were like is forgotten where a room is.
+    ///
+    /// # Errors
+    /// A drive or room that was never learned; a classifier that cannot forget; fewer than two rooms left.
+    pub fn without(&self, forgotten: Forgotten) -> Result<Self, AddError> {
+        if self.learned.n_frames() == 0 {
+            return Err(AddError::NothingKept);
+        }
+        let goes = |frame_idx: usize| match forgotten {
+            Forgotten::Drive(drive) => self.learned.drive(frame_idx) == drive,
+            Forgotten::Place(place) => self.places[self.learned.labels[frame_idx]] == place,
         };
-        if self.config.cue.is_some() {
-            return Err(AddError::Cue);
+        let is_left: Vec<bool> = (0..self.learned.n_frames()).map(|frame_idx| !goes(frame_idx)).collect();
+        if is_left.iter().all(|&is_left| is_left) {
+            return Err(self.never_learned(forgotten));
         }
-        match (self.machines(), &self.held_out) {
-            (Machines::Kernel(vocabulary, svm, support_labels), Some(decisions))
-                if !support_labels.is_empty() =>
-            {
-                Ok(Continuation { config, vocabulary, svm, support_labels, decisions })
-            }
-            _ => Err(AddError::NothingKept),
+        let left_frames = is_left.iter().zip(&self.learned.labels).filter(|(is_left, _)| **is_left);
+        let left_places: BTreeSet<usize> = left_frames.map(|(_, &label)| label).collect();
+        let left_places: Vec<usize> = left_places.into_iter().collect();
+        if left_places.len() < 2 {
+            return Err(AddError::TooFewLeft(left_places.len()));
         }
+        let learned = self.learned.left(&is_left, &left_places);
+        let places: Vec<String> = left_places.iter().map(|&idx| self.places[idx].clone()).collect();
+        let left = Left { is_left: &is_left, labels: &learned.labels, n_places: places.len() };
+        let held_out = self.held_out.narrowed(&self.config, &left_places);
+        let trained = self.classification.opinions.iter().map(|opinion| opinion.trained.without(&left));
+        let trained = trained.collect::<Result<Vec<_>, _>>()?;
+        let opinions = self.classification.opinions.iter().zip(trained);
+        let opinions = opinions.map(|(opinion, trained)| Opinion { trained, ..opinion.clone() }).collect();
+        let is_same = places == self.places;
+        let transitions =
+            if is_same { self.transitions.clone() } else { Transitions::unlearned(places.len()) };
+        let mut card = self.card.clone();
+        card.n_frames = learned.n_frames();
+        if let Forgotten::Drive(drive) = forgotten {
+            card.sequences.retain(|sequence| sequence != drive);
+        }
+        let classification = self.refitted(opinions, &held_out, places.len())?;
+        Ok(Self { places, classification, learned, held_out, transitions, card, ..self.clone() })
     }
-}
 
-/// The parts of a model that training goes on from.
-struct Continuation<'a> {
-    config: &'a KernelConfig,
-    vocabulary: &'a Vocabulary,
-    svm: &'a KernelSvm,
-    /// The room of each support vector.
-    support_labels: &'a [usize],
-    decisions: &'a HeldOutDecisions,
+    fn never_learned(&self, forgotten: Forgotten) -> AddError {
+        let (what, name, known) = match forgotten {
+            Forgotten::Drive(drive) => {
+                let drives: BTreeSet<&str> =
+                    (0..self.learned.n_frames()).map(|frame_idx| self.learned.drive(frame_idx)).collect();
+                ("drive", drive, Vec::from_iter(drives))
+            }
+            Forgotten::Place(place) => ("room", place, self.places.iter().map(String::as_str).collect()),
+        };
+        let learned = if known == [""] {
+            "its frames came without the names of their drives".to_owned()
+        } else {
+            format!("it has learned {}", known.join(", "))
+        };
+        AddError::NeverLearned { what, name: name.to_owned(), learned }
+    }
+
+    /// Opinions calibrated and weighed anew.
+    fn refitted(
+        &self,
+        mut opinions: Vec<Opinion>,
+        held_out: &HeldOutFrames,
+        n_places: usize,
+    ) -> Result<Classification, TrainError> {
+        let decided: Vec<&Decided> = held_out.iter().collect();
+        let fusion = Fusion::fit(&self.config, n_places, &decided, &decided)?;
+        let outcome = |decided: &&Decided| {
+            let probabilities = fusion.probabilities(decided, n_places);
+            let place_idx = crate::svm::most_probable(&probabilities);
+            Outcome { probability: probabilities[place_idx], is_right: place_idx == decided.label }
+        };
+        let outcomes = decided.iter().map(outcome).collect();
+        let known_probability = held_out::known_probability(outcomes, &self.config.calibration);
+        let fitted = fusion.calibrations.into_iter().zip(fusion.weights);
+        for (opinion, (calibration, weight)) in opinions.iter_mut().zip(fitted) {
+            (opinion.calibration, opinion.weight) = (calibration, weight);
+        }
+        Ok(Classification { n_places, opinions, known_probability })
+    }
 }
 
 /// The new frames of one sequence.
@@ -165,53 +252,52 @@ impl Drive<'_> {
     }
 
     fn learned_by(&self, Training { model, mut held_out }: Training) -> Result<Training, AddError> {
-        let before = model.continuation()?;
-        let KernelConfig { machines: Config { scheme, .. }, .. } = *before.config;
-        let bags = self.bags(before.vocabulary);
-        let mut decisions = before.decisions.clone();
-        for (answer, values) in self.answers(&model, (before.svm, &bags)) {
-            decisions.push(&values, index_of(&model.places, &self.samples[answer.sample_idx].place));
+        let mut decisions = model.held_out.clone();
+        for (answer, decided) in self.answers(&model) {
+            decisions.push(decided);
             held_out.push(answer);
         }
-
         let places = self.places_with(&model);
         // The places are sorted before and now: this is ascending.
         let of_earlier: Vec<usize> = model.places.iter().map(|place| index_of(&places, place)).collect();
         held_out.iter_mut().for_each(|answer| answer.renumber(&of_earlier, places.len()));
-        let decisions = decisions.renumbered(scheme, &of_earlier, places.len());
-        let support_labels = before.support_labels.iter().map(|&label| of_earlier[label]).collect();
-        let learned = self.learn(&before, (&bags, support_labels), &places)?;
-        let (svm, support_labels) = learned.reduced(self.forget)?.into_parts();
-
-        let calibration = decisions.calibration(scheme, places.len(), model.config.calibration.sigmoids)?;
-        let known_probability = decisions.known_probability(&calibration, &model.config.calibration);
-        let card = self.on_card(&model.card, [before.svm, learned.svm(), &svm]);
-        let machines = Machines::Kernel(before.vocabulary.clone(), svm, support_labels);
-        let opinions = vec![Opinion { machines, calibration, weight: 1.0 }];
-        let classification = Classification { opinions, known_probability };
+        let decisions = decisions.renumbered(&model.config, &of_earlier, places.len());
+        let mut learned = model.learned.renumbered(&of_earlier);
+        learned.extend(self.samples().map(|sample| (sample, index_of(&places, &sample.place))));
+        let opinions = self.learn(&model, &learned, (&of_earlier, &places))?;
+        let classification = model.refitted(opinions, &decisions, places.len())?;
+        let card = self.on_card(&model, &classification);
         // What was learned of the earlier rooms says nothing of how robots move to a new one.
         let is_same = places == model.places;
         let transitions =
             if is_same { model.transitions.clone() } else { Transitions::unlearned(places.len()) };
-        let held_out_decisions = Some(decisions.thinned());
         let earlier = model.clone();
-        let model =
-            Model { places, classification, held_out: held_out_decisions, transitions, card, ..earlier };
+        let model = Model {
+            places,
+            classification,
+            learned,
+            held_out: decisions.thinned(),
+            transitions,
+            card,
+            ..earlier
+        };
         Ok(Training { model, held_out })
     }
 
     /// What the model says of the frames that it can be right about and that show something, and the decision
     /// values behind it.
-    fn answers(&self, model: &Model, (svm, bags): (&KernelSvm, &Matrix)) -> Vec<(HeldOut, Vec<f32>)> {
-        let answer = |(position, &sample_idx): (usize, &usize)| {
+    fn answers(&self, model: &Model) -> Vec<(HeldOut, Decided)> {
+        let answer = |&sample_idx: &usize| {
             let Sample { place, features, .. } = self.samples[sample_idx];
-            let is_answerable = model.places.contains(place) && !features.keypoints.is_empty();
-            is_answerable.then(|| {
+            let label = model.places.binary_search(place).ok()?;
+            let opinions = &model.classification.opinions;
+            let values: Vec<_> = opinions.iter().map(|opinion| opinion.decision_values(features)).collect();
+            values.iter().any(Option::is_some).then(|| {
                 let answer = HeldOut { sample_idx, recognition: model.classify(features) };
-                (answer, svm.decision_values(bags.row(position)))
+                (answer, Decided { label, values })
             })
         };
-        self.sample_idxs.par_iter().enumerate().filter_map(answer).collect()
+        self.sample_idxs.par_iter().filter_map(answer).collect()
     }
 
     fn places_with(&self, model: &Model) -> Vec<String> {
@@ -220,36 +306,42 @@ impl Drive<'_> {
         names.into_iter().cloned().collect()
     }
 
-    fn bags(&self, vocabulary: &Vocabulary) -> Matrix {
-        let frames: Vec<&Features> = self.samples().map(|sample| &sample.features).collect();
-        machines::bags(vocabulary, &frames)
-    }
-
     fn learn(
         &self,
-        before: &Continuation,
-        (bags, support_labels): (&Matrix, Vec<usize>),
-        places: &[String],
-    ) -> Result<IncrementalSvm, AddError> {
-        let labels: Vec<usize> = self.samples().map(|sample| index_of(places, &sample.place)).collect();
-        let is_forgotten = |label: &usize| !labels.contains(label) && !support_labels.contains(label);
-        if let Some(label) = (0..places.len()).find(is_forgotten) {
-            return Err(AddError::ForgottenPlace { place: places[label].clone() });
-        }
-        let svm = IncrementalSvm::from_parts(before.svm.clone(), support_labels, &before.config.machines)?;
-        Ok(svm.updated(bags, &labels, places.len())?)
+        model: &Model,
+        learned: &LearnedFrames,
+        (of_earlier, places): (&[usize], &[String]),
+    ) -> Result<Vec<Opinion>, AddError> {
+        let learn = |opinion: &Opinion| {
+            let frames: Vec<&Seen> =
+                self.samples().map(|sample| &sample.features.seen[opinion.sight_idx]).collect();
+            let added = Added {
+                frames: &frames,
+                labels: &learned.labels,
+                n_places: places.len(),
+                of_earlier,
+                forget: self.forget,
+            };
+            let trained = opinion.trained.add(&added).map_err(|error| match error {
+                AddError::ForgottenClass { class_idx } => {
+                    AddError::ForgottenPlace { place: places[class_idx].clone() }
+                }
+                error => error,
+            })?;
+            Ok(Opinion { trained, ..opinion.clone() })
+        };
+        model.classification.opinions.iter().map(learn).collect()
     }
 
-    /// The card of a model that has learned this, whose SVM went through these stages.
-    fn on_card(&self, card: &Card, stages: [&KernelSvm; 3]) -> Card {
+    /// The card of a model that has learned this.
+    fn on_card(&self, model: &Model, learned: &Classification) -> Card {
         let sequence = self.samples().next().map(|sample| sample.sequence.clone()).unwrap_or_default();
         let n_frames = self.sample_idxs.len();
-        let [n_before, n_learned, n_left] = stages.map(|svm| svm.support_vectors().n_rows());
-        let mut card = card.clone();
+        let mut card = model.card.clone();
         card.n_frames += n_frames;
         card.sequences.push(sequence.clone());
-        let forget = self.forget;
-        card.additions.push(Addition { sequence, n_frames, forget, n_before, n_learned, n_left });
+        let [n_before, n_left] = [&model.classification, learned].map(Classification::n_kept);
+        card.additions.push(Addition { sequence, n_frames, forget: self.forget, n_before, n_left });
         card
     }
 }
@@ -278,12 +370,13 @@ mod tests {
     use super::*;
     use crate::boost;
     use crate::camera::{Camera, Projection};
-    use crate::model::{Config, Scratch};
+    use crate::model::{Classifier, Config, Scratch};
+    use crate::svm::KernelConfig;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
     fn kernel_svm() -> Config {
-        Config { classifier: Classifier::KernelSvm(KernelConfig::default()), ..config() }
+        config().with_bag(|machines| machines.classifier = Classifier::KernelSvm(KernelConfig::default()))
     }
 
     /// Frames of three rooms, in as many drives as named.
@@ -391,12 +484,9 @@ mod tests {
         let more = drives(&config, &["b"]);
         let refusal = |model: &Model, forget| add(model, &more, forget).unwrap_err().to_string();
         let boost = Classifier::Boost(boost::Config { n_rounds: 5 });
-        for (config, name) in
-            [(config.clone(), "linear_svm"), (Config { classifier: boost, ..config.clone() }, "boost")]
-        {
-            let refusal = refusal(&train(&first, &config), 0.0);
-            assert!(refusal.contains(name) && refusal.contains("classifier.kind = kernel_svm"), "{refusal}");
-        }
+        let boosted = train(&first, &config.with_bag(|machines| machines.classifier = boost));
+        let told = refusal(&boosted, 0.0);
+        assert!(told.contains("boost") && told.contains("classifier.kind = linear_svm"), "{told}");
         let model = train(&first, &kernel_svm());
         assert!(refusal(&model, -1.0).contains("threshold"));
         let twice = add(&model, &more, 0.0).unwrap().model;
@@ -416,11 +506,8 @@ mod tests {
         let mut random = ChaCha8Rng::seed_from_u64(4);
         let frame = frame(1, &mut random);
         let expected = old.recognize(&frame, &mut Scratch::default());
-        old.held_out = None;
-        let Machines::Kernel(_, _, support_labels) = &mut old.classification.opinions[0].machines else {
-            panic!("no kernel SVM")
-        };
-        support_labels.clear();
+        old.held_out = HeldOutFrames::default();
+        old.classification.opinions[0].trained.forget_support_labels();
         let back = Model::from_bytes(&old.to_bytes().unwrap()).unwrap();
         assert_eq!(back.recognize(&frame, &mut Scratch::default()), expected);
         assert!(matches!(add(&back, &drives(&config, &["b"]), 0.0), Err(AddError::NothingKept)));

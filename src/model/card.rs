@@ -32,11 +32,9 @@ pub struct Addition {
     pub n_frames: usize,
     /// The share at which support vectors were dropped; see [`super::Model::add`].
     pub forget: f64,
-    /// The number of support vectors before.
+    /// What opinions kept before, in all: support vectors, rows of frames, descriptors.
     pub n_before: usize,
-    /// The number of support vectors when the sequence was learned and none dropped yet.
-    pub n_learned: usize,
-    /// The number of support vectors that were left.
+    /// What they keep since.
     pub n_left: usize,
 }
 

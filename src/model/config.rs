@@ -1,91 +1,136 @@
 //! What to train: every parameter of a model.
 
-use super::Cue;
-use crate::describe::{Descriptor, FrameLbp, SiftDescriptor};
+use super::opinion::{MachinesConfig, OpinionConfig, PatternsConfig, Representation};
+use super::sight::Sight;
+use super::{Classifier, opinion};
+use crate::camera::CameraKind;
+use crate::describe::Descriptor;
 use crate::detect::Detector;
-use crate::svm::Scheme;
-use crate::{boost, svm, vocabulary};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
-/// The most memory that the scale space of one frame may take.
-const MAX_SCALE_SPACE_BYTES: u64 = 1 << 30;
+/// The name of the opinion that parameters are of which name none: `classifier.c` is short for
+/// `opinions.bag.classifier.c`.
+pub const BAG: &str = "bag";
 
-/// Every parameter of a model. What a file leaves out has its default.
+/// The name of the opinion that files of before call the cue.
+pub const PATTERNS: &str = "patterns";
+
+/// The longest name of an opinion, in bytes.
+const MAX_NAME_LENGTH: usize = 32;
+
+/// The most opinions of a model.
+const MAX_OPINIONS: usize = 16;
+
+/// Every parameter of a model. What a file leaves out has its default. A file that names `detector`, `descriptor`,
+/// `representation`, `classifier` or `cue` beside `longest_side` means a model of the opinion [`BAG`] alone, and
+/// of [`PATTERNS`] where it has a cue: files of before are read so, and the papers' methods written shortly.
 ///
 /// ```
 /// let config: roomsight::model::Config = toml::from_str(
-///     "representation = { kind = 'bag', n_words = 1000 }
-///      [detector]
+///     "[opinions.bag]
+///      kind = 'machines'
+///      representation = { kind = 'bag', n_words = 1000 }
+///      [opinions.bag.detector]
 ///      kind = 'fast'
 ///      threshold = { fixed = 20 }",
 /// ).unwrap();
 /// assert_eq!(config.check(), Ok(()));
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(try_from = "Written")]
 pub struct Config {
-    /// Frames whose longest side exceeds this are shrunk to it, in pixels.
+    /// Frames whose longest side exceeds this are shrunk to it before keypoints are looked for, in pixels.
     pub longest_side: usize,
     /// Seeds everything random: the same frames, configuration and seed give the same model.
     pub seed: u64,
-    /// How keypoints are found.
-    pub detector: Detector,
-    /// How they are described.
-    pub descriptor: Descriptor,
-    /// What the classifier sees of a frame's descriptors.
-    pub representation: Representation,
-    /// How rooms are told apart by it.
-    pub classifier: Classifier,
     /// How decision values become probabilities.
     pub calibration: CalibrationConfig,
-    /// What is seen of a frame beside its keypoints, if anything.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub cue: Option<Cue>,
+    /// How much opinions count whose weight is given. Where one is not, all are fitted on held-out frames.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub weights: BTreeMap<String, f64>,
+    /// The ways to tell rooms apart, by name; at least one.
+    pub opinions: BTreeMap<String, OpinionConfig>,
 }
 
-/// What a classifier sees of a frame's descriptors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
-pub enum Representation {
-    /// How often each word of a vocabulary occurs.
-    Bag(vocabulary::Config),
-    /// The descriptors themselves, for classifiers that compare sets of them.
-    // With braces, serde refuses the parameters of a bag beside it.
-    Descriptors {},
+/// A configuration as it is read.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Written {
+    longest_side: Option<usize>,
+    seed: Option<u64>,
+    #[serde(default)]
+    calibration: CalibrationConfig,
+    weights: Option<BTreeMap<String, f64>>,
+    opinions: Option<BTreeMap<String, OpinionConfig>>,
+    // Of the bag alone.
+    detector: Option<Detector>,
+    descriptor: Option<Descriptor>,
+    representation: Option<Representation>,
+    classifier: Option<Classifier>,
+    cue: Option<WrittenCue>,
 }
 
-/// How rooms are told apart.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+/// What files of before call a cue: an opinion on the frame's patterns, with its weight.
+#[derive(Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
-pub enum Classifier {
-    /// Support vector machines with the linear kernel, over bags.
-    LinearSvm(svm::Config),
-    /// Support vector machines with any kernel, over bags.
-    KernelSvm(svm::KernelConfig),
-    /// Support vector machines with the match kernel, over the descriptors themselves.
-    MatchSvm(svm::MatchConfig),
-    /// AdaBoost on stumps, over bags.
-    Boost(boost::Config),
+enum WrittenCue {
+    FrameLbp(WeightedPatterns),
 }
 
-impl Classifier {
-    /// How its machines are put together.
-    pub fn scheme(&self) -> Scheme {
-        match self {
-            Self::LinearSvm(config) => config.scheme,
-            Self::KernelSvm(config) => config.machines.scheme,
-            Self::MatchSvm(config) => config.machines.scheme,
-            Self::Boost(_) => Scheme::OneVsAll,
-        }
-    }
+#[derive(Deserialize)]
+struct WeightedPatterns {
+    #[serde(default = "half")]
+    weight: f64,
+    #[serde(flatten)]
+    patterns: PatternsConfig,
+}
 
-    fn check(&self) -> Result<(), String> {
-        match self {
-            Self::LinearSvm(config) => config.check().map_err(|error| error.to_string()),
-            Self::KernelSvm(config) => config.check().map_err(|error| error.to_string()),
-            Self::MatchSvm(config) => config.check().map_err(|error| error.to_string()),
-            Self::Boost(config) => config.check().map_err(|error| error.to_string()),
+fn half() -> f64 {
+    0.5
+}
+
+impl TryFrom<Written> for Config {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Self, String> {
+        let defaults = Self::default();
+        let mut config = Self {
+            longest_side: written.longest_side.unwrap_or(defaults.longest_side),
+            seed: written.seed.unwrap_or(defaults.seed),
+            calibration: written.calibration,
+            weights: written.weights.unwrap_or_default(),
+            opinions: defaults.opinions,
+        };
+        let Written { detector, descriptor, representation, classifier, cue, opinions, .. } = written;
+        let is_short = detector.is_some()
+            || descriptor.is_some()
+            || representation.is_some()
+            || classifier.is_some()
+            || cue.is_some();
+        match opinions {
+            Some(_) if is_short => {
+                return Err(
+                    "detector, descriptor, representation, classifier and cue are short for those of one \
+                            opinion: beside opinions, write them there"
+                        .to_owned(),
+                );
+            }
+            Some(opinions) => config.opinions = opinions,
+            None => {
+                let bag = MachinesConfig {
+                    detector: detector.unwrap_or_default(),
+                    descriptor: descriptor.unwrap_or_default(),
+                    representation: representation.unwrap_or_default(),
+                    classifier: classifier.unwrap_or_default(),
+                };
+                config.opinions = BTreeMap::from([(BAG.to_owned(), OpinionConfig::Machines(bag))]);
+            }
         }
+        if let Some(WrittenCue::FrameLbp(WeightedPatterns { weight, patterns })) = cue {
+            config = config.with_patterns(weight, patterns);
+        }
+        Ok(config)
     }
 }
 
@@ -103,7 +148,7 @@ pub struct CalibrationConfig {
     pub known_precision: f32,
 }
 
-/// The sigmoids that turn decision values into probabilities.
+/// The sigmoids that turn decision values of machines into probabilities.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sigmoids {
@@ -115,16 +160,7 @@ pub enum Sigmoids {
 
 impl Default for Config {
     fn default() -> Self {
-        Self {
-            longest_side: 640,
-            seed: 0,
-            detector: Detector::default(),
-            descriptor: Descriptor::default(),
-            representation: Representation::Bag(vocabulary::Config::default()),
-            classifier: Classifier::LinearSvm(svm::Config::default()),
-            calibration: CalibrationConfig::default(),
-            cue: None,
-        }
+        Self::of_machines(MachinesConfig::default())
     }
 }
 
@@ -135,11 +171,72 @@ impl Default for CalibrationConfig {
 }
 
 impl Config {
-    /// All that decides what an [`super::Extractor`] finds in a frame: with the same, frames need not be
-    /// described again.
-    pub fn extraction(&self) -> (usize, &Detector, &Descriptor, Option<&FrameLbp>) {
-        let histograms = self.cue.as_ref().map(|Cue::FrameLbp(cue)| &cue.histograms);
-        (self.longest_side, &self.detector, &self.descriptor, histograms)
+    /// A model of machines over local features alone, as in the papers.
+    pub fn of_machines(machines: MachinesConfig) -> Self {
+        Self {
+            longest_side: 640,
+            seed: 0,
+            calibration: CalibrationConfig::default(),
+            weights: BTreeMap::new(),
+            opinions: BTreeMap::from([(BAG.to_owned(), OpinionConfig::Machines(machines))]),
+        }
+    }
+
+    /// The same with the machines of the opinion [`BAG`] changed, or with some where there are none.
+    pub fn with_bag(&self, change: impl FnOnce(&mut MachinesConfig)) -> Self {
+        let mut machines = self.machines().cloned().unwrap_or_default();
+        change(&mut machines);
+        let mut config = self.clone();
+        config.opinions.insert(BAG.to_owned(), OpinionConfig::Machines(machines));
+        config
+    }
+
+    /// The same with an opinion [`PATTERNS`] on whole frames, which counts `weight`, from 0 to 1; the opinion [`BAG`]
+    /// counts the rest.
+    pub fn with_patterns(mut self, weight: f64, patterns: PatternsConfig) -> Self {
+        self.opinions.insert(PATTERNS.to_owned(), OpinionConfig::Patterns(patterns));
+        self.weights = BTreeMap::from([(BAG.to_owned(), 1.0 - weight), (PATTERNS.to_owned(), weight)]);
+        self
+    }
+
+    /// The machines over local features of the opinion [`BAG`], if there are.
+    pub fn machines(&self) -> Option<&MachinesConfig> {
+        match self.opinions.get(BAG) {
+            Some(OpinionConfig::Machines(machines)) => Some(machines),
+            _ => None,
+        }
+    }
+
+    /// The same model without the opinions that `is_wanted` does not want.
+    pub fn with_opinions(&self, is_wanted: impl Fn(&str) -> bool) -> Self {
+        let mut config = self.clone();
+        config.opinions.retain(|name, _| is_wanted(name));
+        config.weights.retain(|name, _| is_wanted(name));
+        config
+    }
+
+    /// The same for frames of a camera: what depends on its kind is chosen.
+    pub fn for_camera(&self, camera: CameraKind) -> Self {
+        let mut config = self.clone();
+        config.opinions.values_mut().for_each(|opinion| *opinion = opinion.for_camera(camera));
+        config
+    }
+
+    /// Everything that is seen of a frame, once each. All that decides what an [`super::Extractor`] finds in a frame is
+    /// here and in [`Config::longest_side`].
+    pub fn sights(&self) -> Vec<Sight> {
+        let mut sights: Vec<Sight> = Vec::new();
+        for sight in self.opinions.values().map(OpinionConfig::sight) {
+            if !sights.contains(&sight) {
+                sights.push(sight);
+            }
+        }
+        sights
+    }
+
+    /// With the same, frames need not be described again.
+    pub fn extraction(&self) -> (usize, Vec<Sight>) {
+        (self.longest_side, self.sights())
     }
 
     /// What is wrong with the parameters, if anything.
@@ -153,46 +250,57 @@ impl Config {
         if !(0.0..=1.0).contains(&self.calibration.known_precision) {
             return Err("known_precision must be from 0 to 1".to_owned());
         }
-        self.detector.check()?;
-        self.detector.check_size(self.longest_side)?;
-        self.descriptor.check()?;
-        if self.detector.repeats_points() && !self.descriptor.is_scaled() {
-            return Err("a grid of several scales needs a descriptor that grows with them: set \
-                        descriptor.region.scaled to true, or give detector.scales one number"
-                .to_owned());
+        if !(1..=MAX_OPINIONS).contains(&self.opinions.len()) {
+            let n_opinions = self.opinions.len();
+            return Err(format!("a model has 1 to {MAX_OPINIONS} opinions, not {n_opinions}"));
         }
-        self.check_scale_space()?;
-        self.classifier.check()?;
-        self.cue.as_ref().map_or(Ok(()), Cue::check)?;
-        let sees_descriptors = matches!(self.classifier, Classifier::MatchSvm(_));
-        match &self.representation {
-            Representation::Bag(_) if sees_descriptors => {
-                Err("match_svm compares descriptors: set representation.kind to descriptors".to_owned())
+        for (name, opinion) in &self.opinions {
+            check_name(name)?;
+            let of_opinion = |error: String| match name.as_str() {
+                BAG => error,
+                _ => format!("of the opinion {name}, {error}"),
+            };
+            opinion.check().map_err(of_opinion)?;
+            opinion.sight().check(self.longest_side).map_err(of_opinion)?;
+        }
+        self.check_weights()
+    }
+
+    fn check_weights(&self) -> Result<(), String> {
+        if let Some(name) = self.weights.keys().find(|name| !self.opinions.contains_key(*name)) {
+            return Err(format!("weights.{name} is the weight of an opinion that there is not"));
+        }
+        match self.weights.iter().find(|(_, weight)| !(0.0..=10.0).contains(*weight)) {
+            Some((name, weight)) => {
+                Err(format!("the weight of an opinion must be from 0 to 10, not {weight} as of {name}"))
             }
-            Representation::Bag(vocabulary) => vocabulary.check(self.descriptor.n_dimensions()),
-            Representation::Descriptors {} if sees_descriptors => Ok(()),
-            Representation::Descriptors {} => {
-                Err("only match_svm sees descriptors: set representation.kind to bag".to_owned())
-            }
+            None => Ok(()),
         }
     }
 
-    /// Refuses frames whose blurred copies would fill the memory of the machine.
-    fn check_scale_space(&self) -> Result<(), String> {
-        let levels = match (self.detector.levels(), &self.descriptor) {
-            (Some(levels), _) => levels,
-            (None, Descriptor::Sift(_)) => SiftDescriptor::LEVELS,
-            _ => return Ok(()),
-        };
-        let n_bytes = levels.max_bytes(self.longest_side);
-        if n_bytes > MAX_SCALE_SPACE_BYTES {
-            return Err(format!(
-                "the scale space of a frame of {} pixels a side takes up to {:.1} GiB a thread, at most 1 is \
-                 allowed: lower longest_side, or look for features at fewer levels",
-                self.longest_side,
-                n_bytes as f64 / (1_u64 << 30) as f64
-            ));
+    /// The weights of all opinions, in their order, where all are given.
+    pub(super) fn given_weights(&self) -> Option<Vec<f64>> {
+        match self.opinions.len() {
+            1 => Some(vec![1.0]),
+            _ => self.opinions.keys().map(|name| self.weights.get(name).copied()).collect(),
         }
-        Ok(())
     }
+
+    /// How much each opinion counts where nothing is known of how well they do, in their order.
+    pub(super) fn prior_weights(&self) -> Vec<f64> {
+        let weights: Vec<f64> = self.opinions.values().map(OpinionConfig::prior_weight).collect();
+        let sum: f64 = weights.iter().sum();
+        weights.into_iter().map(|weight| weight * opinion::PRIOR_SUM / sum).collect()
+    }
+}
+
+/// Names of opinions are names of tables and of arrays.
+fn check_name(name: &str) -> Result<(), String> {
+    let is_plain = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit() || byte == b'_';
+    if name.is_empty() || name.len() > MAX_NAME_LENGTH || !name.bytes().all(is_plain) {
+        return Err(format!(
+            "an opinion is named by 1 to {MAX_NAME_LENGTH} small letters, digits and underscores, not {name:?}"
+        ));
+    }
+    Ok(())
 }

@@ -1,47 +1,49 @@
-//! A frame to keypoints and descriptors: what training and recognition have in common.
+//! A frame to what opinions see of it: what training and recognition have in common.
 
-use super::{Config, Cue, FrameLbpCue};
-use crate::camera::{Camera, Spot, View};
-use crate::describe::{Descriptor, Sections};
+use super::Config;
+use super::sight::{LocalFeatures, Seen, Sight};
+use crate::camera::{Camera, View};
+use crate::describe::{Descriptor, FrameLbp, Sections};
 use crate::detect::{Detector, Keypoint};
 use crate::image::{Image, Region};
 use crate::matrix::Matrix;
 use crate::plane::ScaleSpace;
-use crate::vocabulary::Described;
 use std::sync::Arc;
 
-/// Finds and describes keypoints as a model was configured to. A clone is the same extractor.
+/// Sees in frames what a model was configured to see. A clone is the same extractor.
 #[derive(Clone, Debug)]
 pub struct Extractor(Arc<Parameters>);
 
 #[derive(Debug)]
 struct Parameters {
     longest_side: usize,
-    detector: Detector,
-    descriptor: Descriptor,
-    cue: Option<Cue>,
+    sights: Vec<Sight>,
     camera: Camera,
 }
 
 /// What a frame shows, before it is classified.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Features {
-    /// Keypoints in pixels of the frame at working size.
-    pub keypoints: Vec<Keypoint>,
-    /// One row a keypoint.
-    pub descriptors: Matrix,
-    /// Where the keypoints lie in what the camera sees.
-    pub spots: Vec<Spot>,
-    /// What the cue sees of the whole frame; empty without one.
-    pub frame: Vec<f32>,
+    /// One for each of [`Config::sights`].
+    pub seen: Vec<Seen>,
     /// Pixels of the frame as it came for one pixel at working size, at least 1.
     pub scale: f32,
 }
 
 impl Features {
-    /// What a vocabulary sees.
-    pub fn described(&self) -> Described<'_> {
-        Described { descriptors: &self.descriptors, spots: &self.spots }
+    /// The keypoints of all sights.
+    pub fn keypoints(&self) -> impl Iterator<Item = &Keypoint> {
+        self.seen.iter().filter_map(Seen::local).flat_map(|local| &local.keypoints)
+    }
+
+    /// The descriptors of the first sight that has keypoints, even if it found none; none without such a sight.
+    pub fn descriptors(&self) -> Option<&Matrix> {
+        self.seen.iter().find_map(Seen::local).map(|local| &local.descriptors)
+    }
+
+    /// The number of keypoints that were found.
+    pub fn n_keypoints(&self) -> usize {
+        self.keypoints().count()
     }
 }
 
@@ -55,20 +57,29 @@ pub struct Scratch {
     view: Option<View>,
     /// Of the last frame, if keypoints were looked for in one.
     space: ScaleSpace,
-    /// Of the cue, with the size of the frames that they are for.
-    sections: Option<((usize, usize), Sections)>,
+    /// Of the patterns of whole frames, with what they are for.
+    sections: Vec<(SectionsOf, Sections)>,
+}
+
+/// What the sections of a frame depend on, beside the camera.
+#[derive(Debug, PartialEq)]
+struct SectionsOf {
+    histograms: FrameLbp,
+    size: [usize; 2],
+}
+
+/// A frame at working size, and where it is valid.
+struct Scaled<'a> {
+    frame: &'a Image,
+    /// The part of the frame that arrived, where not all did.
+    visible: Option<Region>,
+    view: &'a View,
 }
 
 impl Extractor {
     /// What `config` says, for frames of `camera`.
     pub fn new(config: &Config, camera: Camera) -> Self {
-        Self(Arc::new(Parameters {
-            longest_side: config.longest_side,
-            detector: config.detector.clone(),
-            descriptor: config.descriptor.clone(),
-            cue: config.cue.clone(),
-            camera,
-        }))
+        Self(Arc::new(Parameters { longest_side: config.longest_side, sights: config.sights(), camera }))
     }
 
     /// The longest side in pixels that it looks at.
@@ -81,8 +92,8 @@ impl Extractor {
         &self.0.camera
     }
 
-    /// The keypoints of a frame and their descriptors. A `scratch` that served another extractor is emptied
-    /// before, which costs time, not truth.
+    /// What all sights see of a frame. A `scratch` that served another extractor is emptied before, which costs
+    /// time, not truth.
     pub fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
         if !scratch.owner.as_ref().is_some_and(|owner| Arc::ptr_eq(owner, &self.0)) {
             *scratch = Scratch { owner: Some(Arc::clone(&self.0)), ..Scratch::default() };
@@ -95,8 +106,8 @@ impl Parameters {
     /// `scratch` is ours.
     fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
         let shrunk = image.shrink_to(self.longest_side);
-        let scaled = shrunk.as_ref().unwrap_or(image);
-        let size = (scaled.width(), scaled.height());
+        let frame = shrunk.as_ref().unwrap_or(image);
+        let size = (frame.width(), frame.height());
         // Of a frame that did not arrive whole; no other has the same.
         let visible = image.visible().map(|visible| visible.shrunk(image, [size.0, size.1]));
         let partial = visible.map(|visible| self.camera.view(size.0, size.1).within(visible));
@@ -107,45 +118,90 @@ impl Parameters {
                 scratch.view.insert(same_size.unwrap_or_else(|| self.camera.view(size.0, size.1)))
             }
         };
-        let keypoints = self.detector.detect_with(scaled, view, &mut scratch.space);
-        let descriptors = match &self.descriptor {
-            // The costly part of both, built once.
-            Descriptor::Sift(sift) if self.detector.levels().is_some() => {
-                sift.describe_in(&scratch.space, &keypoints, view)
+        let scaled = Scaled { frame, visible, view };
+        let see = |sight: &Sight| match sight {
+            Sight::Keypoints { detector, descriptor } => {
+                Seen::Local(self.describe_keypoints(&scaled, (detector, descriptor), &mut scratch.space))
             }
-            descriptor => descriptor.describe(scaled, &keypoints, view),
+            Sight::Patterns(histograms) => {
+                Seen::Whole(self.describe_frame(&scaled, histograms, &mut scratch.sections))
+            }
         };
-        let spots = keypoints.iter().map(|keypoint| view.spot(keypoint.x, keypoint.y)).collect();
-        let frame = self.describe_frame(scaled, visible, &mut scratch.sections);
-        Features {
-            keypoints,
-            descriptors,
-            spots,
-            frame,
-            scale: (image.width() * image.reduction()) as f32 / scaled.width() as f32,
-        }
+        let seen = self.sights.iter().map(see).collect();
+        Features { seen, scale: (image.width() * image.reduction()) as f32 / frame.width() as f32 }
     }
 
-    /// What the cue sees of the visible part of a frame, or of all of it; `sections` is kept for the next frame
-    /// of the same size.
+    /// The keypoints of a frame, shrunk first where the detector looks at smaller ones, and their descriptors.
+    fn describe_keypoints(
+        &self,
+        scaled: &Scaled,
+        (detector, descriptor): (&Detector, &Descriptor),
+        space: &mut ScaleSpace,
+    ) -> LocalFeatures {
+        let Some(frame) = detector.longest_side().and_then(|longest| scaled.frame.shrink_to(longest)) else {
+            return scaled.describe((detector, descriptor), space);
+        };
+        let size = [frame.width(), frame.height()];
+        let view = self.camera.view(size[0], size[1]);
+        let visible = scaled.visible.map(|visible| visible.shrunk(scaled.frame, size));
+        let view = match visible {
+            Some(visible) => view.within(visible),
+            None => view,
+        };
+        let shrunk = Scaled { frame: &frame, visible, view: &view };
+        let mut local = shrunk.describe((detector, descriptor), space);
+        let factor = scaled.frame.width() as f32 / size[0] as f32;
+        for keypoint in &mut local.keypoints {
+            let Keypoint { x, y, scale, .. } = keypoint;
+            [x, y, scale].into_iter().for_each(|length| *length *= factor);
+        }
+        local
+    }
+
+    /// The patterns of the visible part of a frame, or of all of it; `kept` is kept for the next frame of the same
+    /// size.
     fn describe_frame(
         &self,
-        frame: &Image,
-        visible: Option<Region>,
-        sections: &mut Option<((usize, usize), Sections)>,
+        scaled: &Scaled,
+        histograms: &FrameLbp,
+        kept: &mut Vec<(SectionsOf, Sections)>,
     ) -> Vec<f32> {
-        let Some(Cue::FrameLbp(FrameLbpCue { histograms, .. })) = &self.cue else { return Vec::new() };
-        let shrunk = frame.shrink_to(histograms.longest_side);
-        let image = shrunk.as_ref().unwrap_or(frame);
-        let size = (image.width(), image.height());
-        if let Some(visible) = visible {
-            let view = self.camera.view(size.0, size.1).within(visible.shrunk(frame, [size.0, size.1]));
+        let shrunk = scaled.frame.shrink_to(histograms.longest_side);
+        let image = shrunk.as_ref().unwrap_or(scaled.frame);
+        let size = [image.width(), image.height()];
+        if let Some(visible) = scaled.visible {
+            let view = self.camera.view(size[0], size[1]).within(visible.shrunk(scaled.frame, size));
             return histograms.describe(image, &histograms.sections(&view));
         }
-        let of_same_size = sections.take().filter(|(of_size, _)| *of_size == size);
-        let make = || (size, histograms.sections(&self.camera.view(size.0, size.1)));
-        let (_, sections) = sections.insert(of_same_size.unwrap_or_else(make));
-        histograms.describe(image, sections)
+        let wanted = SectionsOf { histograms: histograms.clone(), size };
+        kept.retain(|(of, _)| of.histograms != wanted.histograms || of.size == size);
+        if let Some((_, sections)) = kept.iter().find(|(of, _)| *of == wanted) {
+            return histograms.describe(image, sections);
+        }
+        let sections = histograms.sections(&self.camera.view(size[0], size[1]));
+        let described = histograms.describe(image, &sections);
+        kept.push((wanted, sections));
+        described
+    }
+}
+
+impl Scaled<'_> {
+    /// Its keypoints and their descriptors; `space` is the memory for the scale space.
+    fn describe(
+        &self,
+        (detector, descriptor): (&Detector, &Descriptor),
+        space: &mut ScaleSpace,
+    ) -> LocalFeatures {
+        let keypoints = detector.detect_with(self.frame, self.view, space);
+        let descriptors = match descriptor {
+            // The costly part of both, built once.
+            Descriptor::Sift(sift) if detector.levels().is_some() => {
+                sift.describe_in(space, &keypoints, self.view)
+            }
+            descriptor => descriptor.describe(self.frame, &keypoints, self.view),
+        };
+        let spots = keypoints.iter().map(|keypoint| self.view.spot(keypoint.x, keypoint.y)).collect();
+        LocalFeatures { keypoints, descriptors, spots }
     }
 }
 
@@ -154,6 +210,7 @@ mod tests {
     use super::*;
     use crate::camera::Projection;
     use crate::image::Limits;
+    use crate::model::PatternsConfig;
     use image::codecs::jpeg::JpegEncoder;
     use image::{ExtendedColorType, GrayImage, ImageEncoder, Luma};
 
@@ -176,17 +233,16 @@ mod tests {
         let (whole, cut) = (decode(&bytes), decode(&bytes[..bytes.len() * 3 / 4]));
         let visible = cut.visible().unwrap();
         assert!((48..80).contains(&visible.bottom), "{visible:?}");
-        let cue = Some(Cue::FrameLbp(FrameLbpCue::default()));
-        let config = Config { cue, ..Config::default() };
+        let config = Config::default().with_patterns(0.5, PatternsConfig::default());
         let extractor = Extractor::new(&config, Camera::new(Projection::Perspective));
         let mut scratch = Scratch::default();
         let of_whole = extractor.extract(&whole, &mut scratch);
         let of_cut = extractor.extract(&cut, &mut scratch);
-        assert!(of_whole.keypoints.iter().any(|keypoint| keypoint.y > visible.bottom as f32));
-        assert!(!of_cut.keypoints.is_empty());
-        assert!(of_cut.keypoints.iter().all(|keypoint| keypoint.y + 3.0 < visible.bottom as f32));
-        assert_ne!(of_cut.frame, of_whole.frame);
+        assert!(of_whole.keypoints().any(|keypoint| keypoint.y > visible.bottom as f32));
+        assert!(of_cut.n_keypoints() > 0);
+        assert!(of_cut.keypoints().all(|keypoint| keypoint.y + 3.0 < visible.bottom as f32));
+        assert_ne!(of_cut.seen[1], of_whole.seen[1]);
         // The next frame is seen whole again.
-        assert_eq!(extractor.extract(&whole, &mut scratch).keypoints, of_whole.keypoints);
+        assert_eq!(extractor.extract(&whole, &mut scratch), of_whole);
     }
 }

@@ -2,9 +2,22 @@
 //!
 //! | array | type and shape |
 //! |---|---|
+//! | `NAME/...` | those of the opinion of this name, as below |
+//! | `transitions.dwells`, `transitions.next` | f32, rooms, rooms x rooms; unlearned when left out |
+//! | `held_out.labels` | u32, frames: the rooms that held-out frames show |
+//! | `frames.rooms`, `frames.drives` | u32, frames that were learned |
+//! | `frames.drive_names`, `frames.names` | u8, lines of text |
+//! | `camera.mask` | u8, height x width; only with a mask |
+//!
+//! | array of an opinion | type and shape |
+//! |---|---|
+//! | `calibration.slopes`, `calibration.offsets` | f32, machines; of sigmoids |
+//! | `calibration.slope` | f32, one; of a softmax |
+//! | `held_out.values` | f32, held-out frames x machines or rooms; not-a-number where nothing was seen |
+//! | `kept.values`, `kept.units` | i8, frames x numbers, f32, frames: training rows of linear machines |
 //! | `vocabulary.centers` | f32, words x dimensions; where bags are classified |
-//! | `svm.weights`, `svm.rho` | f32, machines x words, machines; of a linear SVM |
-//! | `svm.n_support_vectors` | u32, machines; of a linear SVM |
+//! | `svm.weights`, `svm.rho` | f32, machines x numbers, machines; of linear machines |
+//! | `svm.n_support_vectors` | u32, machines; of linear machines |
 //! | `kernel.support_vectors` | f32, support vectors x words; of a kernel SVM |
 //! | `kernel.labels` | u32, support vectors: the room of each; not in files of older versions |
 //! | `kernel.parameters` | f64, gamma and coef0 as far as the kernel has them |
@@ -13,27 +26,28 @@
 //! | `dual.coefficients`, `dual.rho` | f32, machines x support vectors, machines; of a kernel or match SVM |
 //! | `boost.n_stumps` | u32, rooms |
 //! | `boost.features`, `boost.thresholds`, `boost.weights` | u32, f32, f32, stumps |
-//! | `calibration.slopes`, `calibration.offsets` | f32, machines |
-//! | `transitions.dwells`, `transitions.next` | f32, rooms, rooms x rooms; unlearned when left out |
-//! | `cue.weights`, `cue.rho`, `cue.n_support_vectors` | as those of a linear SVM, over what a cue sees; only with a cue |
-//! | `cue.slopes`, `cue.offsets` | as those of the calibration |
-//! | `held_out.values`, `held_out.labels` | f32, frames x machines, u32, frames: held-out decision values and the room shown; of a kernel SVM, not in files of older versions |
-//! | `camera.mask` | u8, height x width; only with a mask |
+//!
+//! Files of format version 1 have one opinion on local features, whose arrays are named without it, and perhaps a
+//! cue, whose arrays are `cue.weights`, `cue.rho`, `cue.n_support_vectors`, `cue.slopes` and `cue.offsets`.
 
-use super::arrays::{self, Array, require};
-use super::cue::{Opinion, Sight};
-use super::held_out::HeldOutDecisions;
-use super::machines::Machines;
+use super::arrays::{self, Array, Arrays, require};
+use super::calibration::Calibration;
+use super::held_out::HeldOutFrames;
+use super::learned::LearnedFrames;
+use super::opinion::{Opinion, Shape};
+use super::train::sight_idx;
 use super::{Card, Classification, Config, Extractor, Model};
 use crate::camera::{Camera, Mask, Projection};
 use crate::filter::Transitions;
-use crate::svm::Calibration;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-/// The version of the file's layout. A file of another version is refused.
-pub const FORMAT_VERSION: u32 = 1;
+/// The version of the file's layout that is written.
+pub const FORMAT_VERSION: u32 = 2;
+
+/// The first version, which is read as well. Files of others are refused.
+const FIRST_VERSION: u32 = 1;
 
 /// The longest header that is read; it holds names and shapes, not arrays.
 const MAX_HEADER_BYTES: u64 = 16 << 20;
@@ -48,7 +62,7 @@ pub enum FormatError {
     NotAModel(String),
     /// A model of another layout.
     #[error(
-        "the model has format version {found}; this program reads version {FORMAT_VERSION}: \
+        "the model has format version {found}; this program reads versions up to {FORMAT_VERSION}: \
          train it again or use another version of roomsight"
     )]
     OtherVersion {
@@ -67,6 +81,9 @@ struct Metadata {
     places: Vec<String>,
     camera: Projection,
     known_probability: f32,
+    /// How much each opinion counts, by name.
+    #[serde(default)]
+    weights: BTreeMap<String, f64>,
     config: Config,
     card: Card,
 }
@@ -84,25 +101,27 @@ impl Model {
     /// The model file. The same model always gives the same bytes.
     pub fn to_bytes(&self) -> Result<Vec<u8>, FormatError> {
         let damaged = |error: &dyn std::fmt::Display| FormatError::Damaged(error.to_string());
+        let named = || self.config.opinions.keys().zip(&self.classification.opinions);
         let metadata = Metadata {
             format_version: FORMAT_VERSION,
             places: self.places.clone(),
             camera: self.camera().projection,
             known_probability: self.known_probability().unwrap_or(NEVER_KNOWN),
+            weights: named().map(|(name, opinion)| (name.clone(), opinion.weight)).collect(),
             config: self.config.clone(),
             card: self.card.clone(),
         };
         let metadata = serde_json::to_string(&metadata).map_err(|error| damaged(&error))?;
-        let mut arrays = Vec::new();
-        for (sight, Opinion { machines, calibration, .. }) in
-            self.config.sights().zip(&self.classification.opinions)
-        {
-            arrays.extend(machines.to_arrays());
-            let [slopes, offsets] = calibration_names(sight);
-            arrays.push(Array::vector(slopes, calibration.slopes()));
-            arrays.push(Array::vector(offsets, calibration.offsets()));
+        let mut arrays = self.learned.to_arrays();
+        arrays.extend((!self.held_out.is_empty()).then(|| self.held_out.labels()));
+        for (opinion_idx, (name, opinion)) in named().enumerate() {
+            let mut of_opinion = opinion.to_arrays();
+            if !self.held_out.is_empty() {
+                let n_values = self.config.opinions[name].way().n_values(self.places.len());
+                of_opinion.push(self.held_out.values_of(opinion_idx, n_values));
+            }
+            arrays.extend(of_opinion.into_iter().map(|array| array.of_opinion(name)));
         }
-        arrays.extend(self.held_out.iter().flat_map(HeldOutDecisions::to_arrays));
         arrays.push(Array::vector("transitions.dwells", self.transitions.dwells()));
         arrays.push(Array::matrix("transitions.next", self.transitions.next()));
         if let Some(mask) = &self.camera().mask {
@@ -123,7 +142,7 @@ impl Model {
         let json =
             json.ok_or_else(|| FormatError::NotAModel("a safetensors file of something else".into()))?;
         let version: Version = serde_json::from_str(json).map_err(|error| not_a_model(&error))?;
-        if version.format_version != FORMAT_VERSION {
+        if !(FIRST_VERSION..=FORMAT_VERSION).contains(&version.format_version) {
             return Err(FormatError::OtherVersion { found: version.format_version });
         }
         let metadata: Metadata =
@@ -133,16 +152,8 @@ impl Model {
     }
 }
 
-/// The names of the slopes and the offsets.
-fn calibration_names(sight: Sight) -> [&'static str; 2] {
-    match sight {
-        Sight::Keypoints => ["calibration.slopes", "calibration.offsets"],
-        Sight::Frame(_) => ["cue.slopes", "cue.offsets"],
-    }
-}
-
 fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatError> {
-    let Metadata { places, camera, known_probability, config, card, .. } = metadata;
+    let Metadata { places, camera, known_probability, config, card, format_version, weights } = metadata;
     config.check().map_err(FormatError::Damaged)?;
     let distinct: BTreeSet<&str> = places.iter().map(String::as_str).collect();
     require(distinct.len() == places.len() && places.len() >= 2, "its rooms are not distinct")?;
@@ -150,39 +161,57 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     if let Projection::Omnidirectional(mirror) = camera {
         require(mirror.is_valid(), "its mirror is no ring")?;
     }
+    let file = Arrays::new(file);
+    let is_first = format_version == FIRST_VERSION;
+    let arrays_of = |name| if is_first { file.of_first_version(name) } else { file.of_opinion(name) };
+    let learned = LearnedFrames::from_arrays(places.len(), &file)?;
+    let sights = config.sights();
+    let weights = match config.given_weights() {
+        Some(weights) => weights,
+        None => read_weights(&config, &weights)?,
+    };
     let mut opinions = Vec::new();
-    for sight in config.sights() {
-        let machines = Machines::from_arrays(sight, &config, (places.len(), camera.kind()), file)?;
-        let [slopes, offsets] = calibration_names(sight).map(|name| arrays::read_vector(file, name));
-        let calibration = Calibration::from_parts(config.scheme(sight), places.len(), slopes?, offsets?)
-            .map_err(|error| FormatError::Damaged(error.to_string()))?;
-        opinions.push(Opinion { machines, calibration, weight: config.weight(sight) });
+    for ((name, opinion), weight) in config.opinions.iter().zip(weights) {
+        let arrays = arrays_of(name);
+        let sight_idx = sight_idx(&sights, opinion);
+        let n_dimensions = sights[sight_idx].n_dimensions(camera.kind());
+        let shape = Shape { n_places: places.len(), n_dimensions, n_frames: learned.n_frames() };
+        let trained = opinion.read(shape, &arrays)?;
+        let calibration = Calibration::from_arrays(opinion.way(), places.len(), &arrays)?;
+        opinions.push(Opinion { sight_idx, trained, calibration, weight });
     }
-    let scheme = config.classifier.scheme();
-    let held_out = HeldOutDecisions::from_arrays((scheme.n_machines(places.len()), places.len()), file)?;
-    let transitions = transitions(places.len(), file)?;
-    let mask = arrays::read_picture(file, "camera.mask")?.map(Mask::new);
+    let held_out = HeldOutFrames::from_arrays(&config, places.len(), &file, arrays_of)?.unwrap_or_default();
+    let transitions = transitions(places.len(), &file)?;
+    let mask = file.picture("camera.mask")?.map(Mask::new);
     let camera = Camera { projection: camera, mask };
     Ok(Model {
-        places,
         transitions,
         extractor: Extractor::new(&config, camera),
         classification: Classification {
+            n_places: places.len(),
             opinions,
             known_probability: (known_probability <= 1.0).then_some(known_probability),
         },
+        places,
+        learned,
         held_out,
         config,
         card,
     })
 }
 
+/// The weights of all opinions, in their order.
+fn read_weights(config: &Config, weights: &BTreeMap<String, f64>) -> Result<Vec<f64>, FormatError> {
+    let weight = |name: &String| weights.get(name).copied().filter(|weight| (0.0..=100.0).contains(weight));
+    let weights: Option<Vec<f64>> = config.opinions.keys().map(weight).collect();
+    weights.ok_or_else(|| FormatError::Damaged("an opinion has no weight".to_owned()))
+}
+
 /// Files of models that were trained before transitions were learned hold none.
-fn transitions(n_places: usize, file: &SafeTensors) -> Result<Transitions, FormatError> {
-    if file.tensor("transitions.dwells").is_err() {
+fn transitions(n_places: usize, file: &Arrays) -> Result<Transitions, FormatError> {
+    if !file.has("transitions.dwells") {
         return Ok(Transitions::unlearned(n_places));
     }
-    let dwells = arrays::read_vector(file, "transitions.dwells")?;
-    let next = arrays::read_matrix(file, "transitions.next")?;
+    let (dwells, next) = (file.vector("transitions.dwells")?, file.matrix("transitions.next")?);
     Transitions::from_parts(n_places, dwells, next).map_err(|error| FormatError::Damaged(error.to_string()))
 }

@@ -1,7 +1,8 @@
 use super::*;
 use crate::camera::{CameraKind, Mask, Mirror, Projection};
-use crate::svm::Calibration;
+use crate::svm::{self, Scheme};
 use crate::vocabulary;
+use calibration::Calibration;
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -24,7 +25,7 @@ pub(super) fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
 
 pub(super) fn config() -> Config {
     let bag = vocabulary::Config { n_words: 40, ..vocabulary::Config::default() };
-    Config { representation: Representation::Bag(bag), ..Config::default() }
+    Config::default().with_bag(|machines| machines.representation = Representation::Bag(bag))
 }
 
 pub(super) fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample> {
@@ -34,9 +35,14 @@ pub(super) fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample
         .map(|idx| Sample {
             place: ["stripes", "bars", "dots"][idx % 3].to_owned(),
             sequence: format!("drive {}", idx % 4),
+            name: format!("{idx}.jpg"),
             features: extractor.extract(&frame(idx % 3, &mut random), &mut Scratch::default()),
         })
         .collect()
+}
+
+fn with_classifier(classifier: Classifier) -> Config {
+    config().with_bag(|machines| machines.classifier = classifier)
 }
 
 fn train(samples: &[Sample], config: &Config, camera: Camera) -> Result<Training, TrainError> {
@@ -51,8 +57,8 @@ fn trained(config: &Config) -> Training {
 #[test]
 fn new_frames_of_known_rooms_are_recognized() {
     for scheme in [Scheme::OneVsAll, Scheme::OneVsOne] {
-        let svm = crate::svm::Config { scheme, ..crate::svm::Config::default() };
-        let config = Config { classifier: Classifier::LinearSvm(svm), ..config() };
+        let svm = svm::Config { scheme, ..svm::Config::default() };
+        let config = with_classifier(Classifier::LinearSvm(svm));
         let Training { model, held_out } = trained(&config);
         assert_eq!(model.places(), ["bars", "dots", "stripes"]);
         assert_eq!(held_out.len(), 48);
@@ -88,10 +94,12 @@ fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
     classifiers.push(matches(InnerKernel::Rbf { gamma: 3.0 }));
     classifiers.push(matches(InnerKernel::Correlation { gamma: 1.0 }));
     for classifier in classifiers {
-        let mut config = Config { classifier, ..config() };
-        if matches!(config.classifier, Classifier::MatchSvm(_)) {
-            config.representation = Representation::Descriptors {};
-        }
+        let config = config().with_bag(|machines| {
+            machines.classifier = classifier;
+            if matches!(machines.classifier, Classifier::MatchSvm(_)) {
+                machines.representation = Representation::Descriptors {};
+            }
+        });
         let model = trained(&config).model;
         let bytes = model.to_bytes().unwrap();
         let back = Model::from_bytes(&bytes).unwrap();
@@ -107,14 +115,11 @@ fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
 }
 
 #[test]
-fn a_cue_takes_part_in_every_answer_and_comes_back_from_the_file() {
-    // Machines of another scheme than the cue's.
-    let svm = crate::svm::Config { scheme: Scheme::OneVsOne, ..crate::svm::Config::default() };
-    let one_vs_one = Config { classifier: Classifier::LinearSvm(svm), ..config() };
-    let weighing = |weight| {
-        let cue = FrameLbpCue { weight, ..FrameLbpCue::default() };
-        Config { cue: Some(Cue::FrameLbp(cue)), ..one_vs_one.clone() }
-    };
+fn patterns_take_part_in_every_answer_and_come_back_from_the_file() {
+    // Machines of another scheme than those of the patterns.
+    let svm = svm::Config { scheme: Scheme::OneVsOne, ..svm::Config::default() };
+    let one_vs_one = with_classifier(Classifier::LinearSvm(svm));
+    let weighing = |weight| one_vs_one.clone().with_patterns(weight, PatternsConfig::default());
     let mut random = ChaCha8Rng::seed_from_u64(7);
     let frame = frame(1, &mut random);
     let answer = |model: &Model| model.recognize(&frame, &mut Scratch::default());
@@ -135,13 +140,6 @@ fn a_cue_takes_part_in_every_answer_and_comes_back_from_the_file() {
 }
 
 #[test]
-fn a_model_without_a_cue_does_not_mention_it() {
-    let file = trained(&config()).model.to_bytes().unwrap();
-    assert!(!file.windows(3).any(|window| window == b"cue"));
-    assert!(!toml::to_string(&Config::default()).unwrap().contains("cue"));
-}
-
-#[test]
 fn a_frame_without_keypoints_is_answered_without_knowledge() {
     let black = Image::from_pixels(96, 72, vec![0; 96 * 72]).unwrap();
     let answer = trained(&config()).model.recognize(&black, &mut Scratch::default());
@@ -150,8 +148,8 @@ fn a_frame_without_keypoints_is_answered_without_knowledge() {
 }
 
 #[test]
-fn a_cue_answers_frames_without_keypoints() {
-    // Too faint for corners; told apart by the cue.
+fn patterns_answer_frames_without_keypoints() {
+    // Too faint for corners; told apart by the patterns.
     let smooth = |place_idx: usize, random: &mut ChaCha8Rng| {
         let base = random.random_range(90..110);
         let shift = random.random_range(0..8);
@@ -161,13 +159,13 @@ fn a_cue_answers_frames_without_keypoints() {
         });
         Image::from_pixels(96, 72, pixels.collect()).unwrap()
     };
-    let config = Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..config() };
+    let config = config().with_patterns(0.5, PatternsConfig::default());
     let extractor = Extractor::new(&config, Camera::new(Projection::Perspective));
     let mut random = ChaCha8Rng::seed_from_u64(3);
     let mut all = samples(&config, 48, 1);
     for idx in 0..48 {
         let features = extractor.extract(&smooth(idx % 3, &mut random), &mut Scratch::default());
-        assert!(features.keypoints.is_empty());
+        assert_eq!(features.n_keypoints(), 0);
         all.push(Sample { features, ..all[idx].clone() });
     }
     let Training { model, held_out } = train(&all, &config, Camera::new(Projection::Perspective)).unwrap();
@@ -183,14 +181,14 @@ fn a_cue_answers_frames_without_keypoints() {
 fn a_scratch_of_another_model_changes_nothing() {
     let half = Mask::new(Image::from_pixels(2, 1, vec![255, 0]).unwrap());
     let masked = Camera { projection: Projection::Perspective, mask: Some(half) };
-    let config = Config { cue: Some(Cue::FrameLbp(FrameLbpCue::default())), ..config() };
+    let config = config().with_patterns(0.5, PatternsConfig::default());
     let [whole, half] =
         [Camera::new(Projection::Perspective), masked].map(|camera| Extractor::new(&config, camera));
     let frame = frame(0, &mut ChaCha8Rng::seed_from_u64(1));
     let mut scratch = Scratch::default();
     whole.extract(&frame, &mut scratch);
     let (shared, own) = (half.extract(&frame, &mut scratch), half.extract(&frame, &mut Scratch::default()));
-    assert!(shared.keypoints == own.keypoints && shared.frame == own.frame);
+    assert_eq!(shared, own);
 }
 
 #[test]
@@ -199,8 +197,8 @@ fn without_a_probability_that_is_right_often_enough_nothing_is_known() {
     assert!(training.held_out.iter().any(|answer| answer.recognition.known));
     let features = &samples(&config(), 1, 9)[0].features;
     training.model.classification.known_probability = Some(1.0);
-    training.model.classification.opinions[0].calibration =
-        Calibration::from_parts(Scheme::OneVsAll, 3, vec![1e6; 3], vec![0.0; 3]).unwrap();
+    let sigmoids = svm::Calibration::from_parts(Scheme::OneVsAll, 3, vec![1e6; 3], vec![0.0; 3]).unwrap();
+    training.model.classification.opinions[0].calibration = Calibration::Sigmoids(sigmoids);
     let sure = training.model.classify(features);
     assert_eq!((sure.probability(), sure.known), (1.0, true));
     training.model.classification.known_probability = None;
@@ -217,11 +215,20 @@ fn evidence_sums_to_the_decision_value() {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let features = model.features(&frame(2, &mut random), &mut Scratch::default());
     let evidence = model.explain(&features, 1);
-    assert_eq!(evidence.len(), features.keypoints.len());
-    let Machines::Linear(vocabulary, svm) = model.machines() else { panic!("not linear") };
-    let bag = vocabulary.row(features.described());
+    assert_eq!(evidence.len(), features.n_keypoints());
+    assert!(evidence.iter().all(|evidence| evidence.opinion == BAG && evidence.word_idx.is_some()));
+    let bag = &model.classification.opinions[0];
+    // Of a frame that shows nothing a machine says minus its threshold.
+    let nothing = Seen::Local(LocalFeatures {
+        keypoints: vec![crate::detect::Keypoint::new(0.0, 0.0, 1.0)],
+        descriptors: crate::matrix::Matrix::zeros(1, 72),
+        spots: vec![crate::camera::Spot { across: 0.0, down: 0.0 }],
+    });
     let sum: f32 = evidence.iter().map(|evidence| evidence.weight).sum();
-    assert!((sum - svm.rho()[1] - svm.decision_values(&bag)[1]).abs() < 1e-3);
+    let values = bag.decision_values(&features).unwrap();
+    let of_word = bag.decision_values(&Features { seen: vec![nothing.clone()], scale: 1.0 }).unwrap()[1];
+    let weight = model.explain(&Features { seen: vec![nothing], scale: 1.0 }, 1)[0].weight;
+    assert!((sum - (weight - of_word) - values[1]).abs() < 1e-3);
 }
 
 #[test]
@@ -245,9 +252,32 @@ fn training_refuses_what_makes_no_model() {
     one_place.iter_mut().for_each(|sample| sample.place = "hall".to_owned());
     assert!(matches!(error(&one_place, &config), Some(TrainError::TooFewPlaces(1))));
     let lonely = &samples(&config, 3, 1);
-    assert!(matches!(error(lonely, &config), Some(TrainError::NothingHeldOut)));
     let absurd = Config { longest_side: 0, ..config };
     assert!(matches!(error(lonely, &absurd), Some(TrainError::Config(_))));
+}
+
+#[test]
+fn where_nothing_can_be_held_out_nothing_is_known() {
+    let config = config().with_patterns(0.5, PatternsConfig::default());
+    let Training { model, held_out } =
+        train(&samples(&config, 3, 1), &config, Camera::new(Projection::Perspective)).unwrap();
+    assert!(held_out.is_empty() && model.known_probability().is_none());
+    let answer = model.classify(&samples(&config, 3, 1)[0].features);
+    assert_eq!(model.places()[answer.place_idx], "stripes");
+}
+
+#[test]
+fn weights_are_fitted_where_none_are_given() {
+    let mut config = config().with_patterns(0.5, PatternsConfig::default());
+    config.weights.clear();
+    let model = trained(&config).model;
+    let weights = model.weights();
+    assert!(
+        weights.values().all(|weight| (0.0..=10.0).contains(weight)) && weights[BAG] != 0.5,
+        "{weights:?}"
+    );
+    let back = Model::from_bytes(&model.to_bytes().unwrap()).unwrap();
+    assert_eq!(back.weights(), weights);
 }
 
 #[test]
@@ -322,7 +352,7 @@ fn foreign_and_newer_files_are_refused_by_name() {
     let foreign = safetensors::serialize::<&str, safetensors::tensor::TensorView, _>([], None).unwrap();
     assert!(refusal(&foreign).contains("something else"));
     let bytes = trained(&config()).model.to_bytes().unwrap();
-    let text = b"\\\"format_version\\\":1";
+    let text = b"\\\"format_version\\\":2";
     let position = bytes.windows(text.len()).position(|window| window == text).unwrap();
     let mut newer = bytes.clone();
     newer[position + text.len() - 1] = b'7';

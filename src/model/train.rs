@@ -1,14 +1,15 @@
 //! Labeled frames to a model.
 
-use super::cue::{Opinion, Sight, pooled};
-use super::held_out::{self, HeldOutDecisions, spread_out};
-use super::machines::{Machines, TrainingSet};
-use super::{Card, Classification, Classifier, Config, Extractor, Features, Model, Recognition, is_known};
+use super::held_out::{self, Decided, Fusion, HeldOutFrames, Outcome, spread_out};
+use super::learned::LearnedFrames;
+use super::opinion::{Chosen, Learner, Opinion, OpinionConfig, Trained};
+use super::sight::{Seen, Sight};
+use super::{Card, Classification, Config, Extractor, Features, Model, Recognition, is_known};
 use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::filter::Transitions;
 use crate::folds::{folds, spread_single_fold_labels};
-use crate::svm::{self, Calibration, SvmError};
+use crate::svm::{self, SvmError};
 use crate::vocabulary::VocabularyError;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
@@ -20,6 +21,8 @@ pub struct Sample {
     pub place: String,
     /// The drive that it comes from; empty when unknown.
     pub sequence: String,
+    /// What it is called, such as its path in the data set; may be empty.
+    pub name: String,
     /// What an [`Extractor`] of the model's configuration and camera found.
     pub features: Features,
 }
@@ -60,11 +63,6 @@ pub enum TrainError {
     /// Fewer than two rooms.
     #[error("a model needs frames of at least two rooms; these show {0}")]
     TooFewPlaces(usize),
-    /// No fold could be held out.
-    #[error(
-        "no room has two frames, so none can be held out to measure probabilities: take more frames a room"
-    )]
-    NothingHeldOut,
     /// No vocabulary.
     #[error(transparent)]
     Vocabulary(#[from] VocabularyError),
@@ -79,15 +77,58 @@ pub enum TrainError {
 impl Model {
     /// Trains on samples that were described by `extractor`, which was made from the same `config`.
     ///
-    /// Probabilities are calibrated on held-out folds; see [`crate::folds`]. The result depends on the
-    /// arguments alone. Samples do not say when they were taken: transitions between rooms are left to
+    /// Probabilities and weights of opinions are fitted on held-out folds; see [`crate::folds`]. Where no room has two
+    /// frames nothing can be held out: they are those that are taken where nothing is known, and no answer is known.
+    /// The result depends on the arguments alone. Samples do not say when they were taken: transitions between rooms are left to
     /// [`Model::with_transitions`]. `progress` is called before each step.
     pub fn train(
         samples: &[&Sample],
         config: &Config,
         camera: Camera,
-        mut progress: impl FnMut(TrainingStep),
+        progress: impl FnMut(TrainingStep),
     ) -> Result<Training, TrainError> {
+        let config = config.for_camera(camera.projection.kind());
+        let trials = Trials::run(samples, &config, progress)?;
+        trials.finish(&config, camera)
+    }
+}
+
+/// Opinions that were tried on held-out frames: what models of all of them, or of some, would answer.
+pub struct Trials<'a> {
+    samples: &'a [&'a Sample],
+    places: Vec<String>,
+    /// One class a sample.
+    labels: Vec<usize>,
+    folds: Vec<usize>,
+    /// Of all opinions.
+    config: &'a Config,
+    opinions: Vec<Tried<'a>>,
+    decisions: Vec<Decision>,
+}
+
+/// An opinion, what it sees of all samples, and what its trainings have in common.
+struct Tried<'a> {
+    config: &'a OpinionConfig,
+    seen: Vec<&'a Seen>,
+    learner: Learner<'a>,
+}
+
+/// What was decided of a sample by opinions trained without its fold.
+struct Decision {
+    sample_idx: usize,
+    decided: Decided,
+}
+
+impl<'a> Trials<'a> {
+    /// Trains every opinion of `config` without each fold, and lets it decide the frames of the fold.
+    ///
+    /// # Errors
+    /// Parameters that make no sense, fewer than two rooms, what no opinion can learn.
+    pub fn run(
+        samples: &'a [&'a Sample],
+        config: &'a Config,
+        mut progress: impl FnMut(TrainingStep),
+    ) -> Result<Self, TrainError> {
         config.check().map_err(TrainError::Config)?;
         let names: BTreeSet<&str> = samples.iter().map(|sample| sample.place.as_str()).collect();
         let places: Vec<String> = names.into_iter().map(str::to_owned).collect();
@@ -96,164 +137,57 @@ impl Model {
         }
         let labels: Vec<usize> =
             samples.iter().map(|sample| places.binary_search(&sample.place).unwrap_or_default()).collect();
-        let set = TrainingSet::new(
-            samples.iter().map(|sample| &sample.features).collect(),
-            config,
-            camera.projection.kind(),
-        )?;
-        let trainer = Trainer { samples, labels: &labels, n_places: places.len(), config, set };
-
-        let folds = trainer.folds();
-        let n_folds = folds.iter().max().map_or(0, |last| last + 1);
-        let n_steps = n_folds + 1;
-        let mut decisions = Vec::new();
+        let sights = config.sights();
+        let tried = |opinion: &'a OpinionConfig| {
+            let sight_idx = sight_idx(&sights, opinion);
+            let seen: Vec<&Seen> = samples.iter().map(|sample| &sample.features.seen[sight_idx]).collect();
+            let learner = opinion.learner(&seen, config.seed)?;
+            Ok(Tried { config: opinion, seen, learner })
+        };
+        let opinions = config.opinions.values().map(tried).collect::<Result<_, TrainError>>()?;
+        let mut trials =
+            Self { samples, places, labels, folds: Vec::new(), config, opinions, decisions: Vec::new() };
+        trials.folds = trials.deal();
+        let n_folds = trials.folds.iter().max().map_or(0, |last| last + 1);
         for fold in 0..n_folds {
-            progress(TrainingStep { n_done: fold, n_steps });
-            decisions.extend(trainer.decide_held_out(&folds, fold)?);
+            progress(TrainingStep { n_done: fold, n_steps: n_folds + 1 });
+            let decisions = trials.decide_held_out(fold)?;
+            trials.decisions.extend(decisions);
         }
-        let held_out = trainer.recognize_held_out(&folds, &decisions)?;
-        progress(TrainingStep { n_done: n_folds, n_steps });
-
-        let machines = trainer.fit(&(0..samples.len()).collect::<Vec<_>>())?.machines;
-        let calibrations = trainer.calibrate(&decisions, |_| true)?;
-        let weights = config.sights().map(|sight| config.weight(sight));
-        let opinions = machines.into_iter().zip(calibrations).zip(weights);
-        let opinions = opinions
-            .map(|((machines, calibration), weight)| Opinion { machines, calibration, weight })
-            .collect();
-        let known_probability = trainer.known_probability(&held_out);
-        let classification = Classification { opinions, known_probability };
-        let held_out = held_out.into_iter().map(|mut answer| {
-            answer.recognition.known = is_known(answer.recognition.probability(), known_probability);
-            answer
-        });
-        let held_out: Vec<HeldOut> = held_out.collect();
-        let model = Self {
-            config: config.clone(),
-            transitions: Transitions::unlearned(places.len()),
-            places,
-            extractor: Extractor::new(config, camera),
-            classification,
-            held_out: matches!(config.classifier, Classifier::KernelSvm(_))
-                .then(|| trainer.gathered((0, Sight::Keypoints), decisions.iter()).thinned()),
-            card: Card::default(),
-        };
-        progress(TrainingStep { n_done: n_steps, n_steps });
-        Ok(Training { model, held_out })
-    }
-}
-
-struct Trainer<'a> {
-    samples: &'a [&'a Sample],
-    /// One class a sample.
-    labels: &'a [usize],
-    n_places: usize,
-    config: &'a Config,
-    set: TrainingSet<'a>,
-}
-
-/// The decision values for a sample by machines trained without its fold: a list for each sight, of which at
-/// least one saw something.
-struct Decision {
-    sample_idx: usize,
-    values: Vec<Option<Vec<f32>>>,
-}
-
-impl Trainer<'_> {
-    fn folds(&self) -> Vec<usize> {
-        let sequences: Vec<&str> = self.samples.iter().map(|sample| sample.sequence.as_str()).collect();
-        let n_folds = self.config.calibration.n_folds;
-        let mut folds = folds(&sequences, self.labels, n_folds, self.config.seed);
-        spread_single_fold_labels(&mut folds, self.labels, n_folds);
-        folds
+        progress(TrainingStep { n_done: n_folds, n_steps: n_folds + 1 });
+        Ok(trials)
     }
 
-    /// Machines trained on the samples of these indices.
-    fn fit(&self, sample_idxs: &[usize]) -> Result<Fitted, TrainError> {
-        let labels: Vec<usize> = sample_idxs.iter().map(|&idx| self.labels[idx]).collect();
-        let present: Vec<usize> = labels.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
-        let dense: Vec<usize> =
-            labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
-        let train = |sight| Machines::train(sight, &self.set, sample_idxs, (&dense, present.len()));
-        let machines = self.config.sights().map(train).collect::<Result<_, _>>()?;
-        Ok(Fitted { machines, present })
+    /// The rooms, sorted.
+    pub fn places(&self) -> &[String] {
+        &self.places
     }
 
-    /// Samples of rooms that occur in no other fold cannot be answered, and samples in which no sight sees
-    /// anything say nothing of the machines: both are left out.
-    fn decide_held_out(&self, folds: &[usize], fold: usize) -> Result<Vec<Decision>, TrainError> {
-        let (held_out, training): (Vec<usize>, Vec<usize>) =
-            (0..folds.len()).partition(|&sample_idx| folds[sample_idx] == fold);
-        let known: BTreeSet<usize> = training.iter().map(|&idx| self.labels[idx]).collect();
-        let held_out: Vec<usize> =
-            held_out.into_iter().filter(|&idx| known.contains(&self.labels[idx])).collect();
-        if held_out.is_empty() || known.len() < 2 {
-            return Ok(Vec::new());
-        }
-        let fitted = self.fit(&training)?;
-        let decide = |&sample_idx: &usize| {
-            let features = &self.samples[sample_idx].features;
-            let by = |(machines, sight): (&Machines, Sight)| {
-                let values = machines.decision_values(features)?;
-                Some(spread_out(self.config.scheme(sight), &fitted.present, self.n_places, &values))
-            };
-            let values: Vec<_> = fitted.machines.iter().zip(self.config.sights()).map(by).collect();
-            values.iter().any(Option::is_some).then_some(Decision { sample_idx, values })
-        };
-        Ok(held_out.par_iter().filter_map(decide).collect())
-    }
-
-    /// The decisions of one sight, where it saw something.
-    fn gathered<'a>(
-        &self,
-        (sight_idx, sight): (usize, Sight),
-        decisions: impl Iterator<Item = &'a Decision>,
-    ) -> HeldOutDecisions {
-        let mut gathered = HeldOutDecisions::new(self.config.scheme(sight).n_machines(self.n_places));
-        for decision in decisions {
-            if let Some(values) = &decision.values[sight_idx] {
-                gathered.push(values, self.labels[decision.sample_idx]);
-            }
-        }
-        gathered
-    }
-
-    /// One calibration a sight, on the decisions that are wanted; on all where it saw something in none of those.
-    fn calibrate(
-        &self,
-        decisions: &[Decision],
-        is_wanted: impl Fn(&Decision) -> bool,
-    ) -> Result<Vec<Calibration>, TrainError> {
-        let calibrate = |(sight_idx, sight)| {
-            let wanted = decisions.iter().filter(|decision| is_wanted(decision));
-            let mut gathered = self.gathered((sight_idx, sight), wanted);
-            if gathered.is_empty() {
-                gathered = self.gathered((sight_idx, sight), decisions.iter());
-            }
-            gathered.calibration(self.config.scheme(sight), self.n_places, self.config.calibration.sigmoids)
-        };
-        self.config.sights().enumerate().map(calibrate).collect()
-    }
-
-    /// Each fold's answers, calibrated on the other folds; on all where there is only one.
-    fn recognize_held_out(
-        &self,
-        folds: &[usize],
-        decisions: &[Decision],
-    ) -> Result<Vec<HeldOut>, TrainError> {
-        let fold_of = |decision: &Decision| folds[decision.sample_idx];
-        let answered: BTreeSet<usize> = decisions.iter().map(fold_of).collect();
+    /// What a model of some of the opinions would answer to the samples: each fold's answers, calibrated on the other folds;
+    /// on all where there is only one. `config` is that of the trials with fewer opinions.
+    ///
+    /// # Errors
+    /// No calibration.
+    pub fn held_out(&self, config: &Config) -> Result<Vec<HeldOut>, TrainError> {
+        let decisions = self.decisions_of(config);
+        let answered: BTreeSet<usize> =
+            decisions.iter().map(|decision| self.folds[decision.sample_idx]).collect();
+        let all: Vec<&Decided> = decisions.iter().map(|decision| &decision.decided).collect();
         let mut held_out = Vec::with_capacity(decisions.len());
         for &fold in &answered {
-            let calibrations = self.calibrate(decisions, |decision| fold_of(decision) != fold)?;
-            for decision in decisions.iter().filter(|decision| fold_of(decision) == fold) {
-                let of_sights = self.config.sights().zip(calibrations.iter().zip(&decision.values));
-                let probabilities = pooled(of_sights.filter_map(|(sight, (calibration, values))| {
-                    Some((self.config.weight(sight), calibration.probabilities(values.as_ref()?)))
-                }));
-                let place_idx = svm::most_probable(&probabilities);
-                let n_keypoints = self.samples[decision.sample_idx].features.keypoints.len();
-                let recognition = Recognition { place_idx, known: false, probabilities, n_keypoints };
+            let is_other = |decision: &&Decision| self.folds[decision.sample_idx] != fold;
+            let others: Vec<&Decided> =
+                decisions.iter().filter(is_other).map(|decision| &decision.decided).collect();
+            let others = if others.is_empty() { &all } else { &others };
+            let fusion = Fusion::fit(config, self.places.len(), others, &all)?;
+            for decision in decisions.iter().filter(|decision| !is_other(decision)) {
+                let probabilities = fusion.probabilities(&decision.decided, self.places.len());
+                let recognition = Recognition {
+                    place_idx: svm::most_probable(&probabilities),
+                    known: false,
+                    probabilities,
+                    n_keypoints: self.samples[decision.sample_idx].features.n_keypoints(),
+                };
                 held_out.push(HeldOut { sample_idx: decision.sample_idx, recognition });
             }
         }
@@ -261,19 +195,129 @@ impl Trainer<'_> {
         Ok(held_out)
     }
 
-    fn known_probability(&self, held_out: &[HeldOut]) -> Option<f32> {
-        let is_right = |answer: &HeldOut| {
-            let is_right = answer.recognition.place_idx == self.labels[answer.sample_idx];
-            (answer.recognition.probability(), is_right)
+    /// Trains a model of some of the opinions on all samples. `config` is as for [`Trials::held_out`].
+    ///
+    /// # Errors
+    /// What an opinion cannot learn; no calibration.
+    pub fn finish(self, config: &Config, camera: Camera) -> Result<Training, TrainError> {
+        let held_out = self.held_out(config)?;
+        let decisions = self.decisions_of(config);
+        let decided: Vec<&Decided> = decisions.iter().map(|decision| &decision.decided).collect();
+        let fusion = Fusion::fit(config, self.places.len(), &decided, &decided)?;
+        let all: Vec<usize> = (0..self.samples.len()).collect();
+        let sights = config.sights();
+        let mut opinions = Vec::new();
+        let wanted = self.opinions.iter().zip(self.config.opinions.keys());
+        let wanted = wanted.filter(|(_, name)| config.opinions.contains_key(*name));
+        for ((tried, _), (calibration, weight)) in
+            wanted.zip(fusion.calibrations.into_iter().zip(fusion.weights))
+        {
+            let trained = tried.train(&all, &self.labels)?.trained;
+            opinions.push(Opinion {
+                sight_idx: sight_idx(&sights, tried.config),
+                trained,
+                calibration,
+                weight,
+            });
+        }
+        let known_probability = self.known_probability(&held_out);
+        let held_out = held_out.into_iter().map(|mut answer| {
+            answer.recognition.known = is_known(answer.recognition.probability(), known_probability);
+            answer
+        });
+        let model = Model {
+            config: config.clone(),
+            transitions: Transitions::unlearned(self.places.len()),
+            extractor: Extractor::new(config, camera),
+            classification: Classification { n_places: self.places.len(), opinions, known_probability },
+            learned: LearnedFrames::new(self.samples, &self.labels),
+            held_out: HeldOutFrames::new(decided.into_iter().cloned().collect()).thinned(),
+            places: self.places,
+            card: Card::default(),
         };
-        held_out::known_probability(held_out.iter().map(is_right).collect(), &self.config.calibration)
+        Ok(Training { model, held_out: held_out.collect() })
+    }
+
+    fn deal(&self) -> Vec<usize> {
+        let sequences: Vec<&str> = self.samples.iter().map(|sample| sample.sequence.as_str()).collect();
+        let n_folds = self.config.calibration.n_folds;
+        let mut folds = folds(&sequences, &self.labels, n_folds, self.config.seed);
+        spread_single_fold_labels(&mut folds, &self.labels, n_folds);
+        folds
+    }
+
+    /// Samples of rooms that occur in no other fold cannot be answered, and samples in which no opinion sees
+    /// anything say nothing: both are left out.
+    fn decide_held_out(&self, fold: usize) -> Result<Vec<Decision>, TrainError> {
+        let (held_out, training): (Vec<usize>, Vec<usize>) =
+            (0..self.folds.len()).partition(|&sample_idx| self.folds[sample_idx] == fold);
+        let known: BTreeSet<usize> = training.iter().map(|&idx| self.labels[idx]).collect();
+        let held_out: Vec<usize> =
+            held_out.into_iter().filter(|&idx| known.contains(&self.labels[idx])).collect();
+        if held_out.is_empty() || known.len() < 2 {
+            return Ok(Vec::new());
+        }
+        let fitted: Vec<Fitted> = self
+            .opinions
+            .iter()
+            .map(|tried| tried.train(&training, &self.labels))
+            .collect::<Result<_, _>>()?;
+        let decide = |&sample_idx: &usize| {
+            let by = |(tried, fitted): (&Tried, &Fitted)| {
+                let values = fitted.trained.decision_values(tried.seen[sample_idx])?;
+                Some(spread_out(tried.config.way(), &fitted.present, self.places.len(), &values))
+            };
+            let values: Vec<_> = self.opinions.iter().zip(&fitted).map(by).collect();
+            let decided = Decided { label: self.labels[sample_idx], values };
+            Decision { sample_idx, decided }
+        };
+        Ok(held_out.par_iter().map(decide).collect())
+    }
+
+    /// The decisions of the opinions of `config` in which one of them saw something.
+    fn decisions_of(&self, config: &Config) -> Vec<Decision> {
+        let is_wanted: Vec<bool> =
+            self.config.opinions.keys().map(|name| config.opinions.contains_key(name)).collect();
+        let of_wanted = |Decision { sample_idx, decided }: &Decision| {
+            let values = decided.values.iter().zip(&is_wanted).filter(|(_, is_wanted)| **is_wanted);
+            let values: Vec<_> = values.map(|(values, _)| values.clone()).collect();
+            let decided = Decided { label: decided.label, values };
+            let is_seen = decided.values.iter().any(Option::is_some);
+            is_seen.then_some(Decision { sample_idx: *sample_idx, decided })
+        };
+        self.decisions.iter().filter_map(of_wanted).collect()
+    }
+
+    fn known_probability(&self, held_out: &[HeldOut]) -> Option<f32> {
+        let outcome = |answer: &HeldOut| Outcome {
+            probability: answer.recognition.probability(),
+            is_right: answer.recognition.place_idx == self.labels[answer.sample_idx],
+        };
+        held_out::known_probability(held_out.iter().map(outcome).collect(), &self.config.calibration)
     }
 }
 
-/// Machines, and the classes that they were trained on.
+impl Tried<'_> {
+    /// Trains on the samples of these indices.
+    fn train(&self, sample_idxs: &[usize], labels: &[usize]) -> Result<Fitted, TrainError> {
+        let labels: Vec<usize> = sample_idxs.iter().map(|&idx| labels[idx]).collect();
+        let present: Vec<usize> = labels.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
+        let dense: Vec<usize> =
+            labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
+        let chosen = Chosen { frame_idxs: sample_idxs, labels: &dense, n_classes: present.len() };
+        Ok(Fitted { trained: self.learner.train(&self.seen, &chosen)?, present })
+    }
+}
+
+/// What was trained, and the classes that it was trained on.
 struct Fitted {
-    /// One for each sight.
-    machines: Vec<Machines>,
+    trained: Trained,
     /// Sorted.
     present: Vec<usize>,
+}
+
+/// Which of the sights is that of an opinion.
+pub(super) fn sight_idx(sights: &[Sight], opinion: &OpinionConfig) -> usize {
+    let sight = opinion.sight();
+    sights.iter().position(|other| *other == sight).unwrap_or_default()
 }

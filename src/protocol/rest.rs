@@ -142,9 +142,13 @@ pub struct KeypointEvidence {
     pub x: f32,
     /// Row in the frame as sent, in pixels.
     pub y: f32,
-    /// The word of the vocabulary it was assigned to.
-    pub word: usize,
-    /// Its contribution to the room's decision value; negative speaks against it.
+    /// The opinion of the model that saw it.
+    #[serde(default)]
+    pub opinion: String,
+    /// The word of the opinion's vocabulary that it was assigned to; left out where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub word: Option<usize>,
+    /// Its contribution to the opinion's decision value of the room; negative speaks against it.
     pub weight: f32,
 }
 

@@ -95,7 +95,8 @@ impl From<Timings> for TimingsMs {
 
 impl From<Evidence> for KeypointEvidence {
     fn from(evidence: Evidence) -> Self {
-        Self { x: evidence.x, y: evidence.y, word: evidence.word_idx, weight: evidence.weight }
+        let Evidence { opinion, x, y, word_idx, weight } = evidence;
+        Self { opinion, x, y, word: word_idx, weight }
     }
 }
 

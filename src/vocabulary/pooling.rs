@@ -38,7 +38,7 @@ impl Default for Pooling {
     }
 }
 
-/// Parts of frames of one kind of camera.
+/// Parts of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Parts {
     levels: usize,
@@ -47,13 +47,21 @@ pub struct Parts {
 }
 
 impl Pooling {
-    /// The parts of frames of a camera.
-    pub fn parts(self, camera: CameraKind) -> Parts {
+    /// The one for frames of a camera.
+    pub fn for_camera(self, camera: CameraKind) -> Self {
+        match self {
+            Self::ByCamera { levels } if camera == CameraKind::Perspective => Self::Pyramid { levels },
+            Self::ByCamera { levels } => Self::Bands { levels },
+            any => any,
+        }
+    }
+
+    /// The parts of a frame; those that turning does not change where the camera was not said.
+    pub fn parts(self) -> Parts {
         match self {
             Self::Whole {} => Parts { levels: 1, are_quartered: false },
             Self::Pyramid { levels } => Parts { levels, are_quartered: true },
-            Self::Bands { levels } => Parts { levels, are_quartered: false },
-            Self::ByCamera { levels } => Parts { levels, are_quartered: camera == CameraKind::Perspective },
+            Self::Bands { levels } | Self::ByCamera { levels } => Parts { levels, are_quartered: false },
         }
     }
 
@@ -116,7 +124,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn parts_at(pooling: Pooling, across: f32, down: f32) -> Vec<usize> {
-        pooling.parts(CameraKind::Perspective).of(Spot { across, down }).collect()
+        pooling.parts().of(Spot { across, down }).collect()
     }
 
     #[test]
@@ -135,14 +143,14 @@ mod tests {
     fn a_word_counts_one_over_all_levels() {
         for levels in 1..=4 {
             for pooling in [Pooling::Pyramid { levels }, Pooling::Bands { levels }] {
-                let parts = pooling.parts(CameraKind::Perspective);
+                let parts = pooling.parts();
                 let weights: Vec<f32> = parts.weights().collect();
                 assert_eq!(weights.len(), parts.n_parts());
                 let spot = Spot { across: 0.3, down: 0.8 };
                 assert_eq!(parts.of(spot).map(|part| weights[part]).sum::<f32>(), 1.0);
             }
         }
-        let parts = Pooling::Pyramid { levels: 3 }.parts(CameraKind::Perspective);
+        let parts = Pooling::Pyramid { levels: 3 }.parts();
         let weights: Vec<f32> = parts.weights().collect();
         assert_eq!((weights[0], weights[1], weights[20]), (0.25, 0.25, 0.5));
     }
@@ -150,10 +158,12 @@ mod tests {
     #[test]
     fn cameras_have_the_parts_that_fit_them() {
         let by_camera = Pooling::ByCamera { levels: 2 };
-        let bands = Pooling::Bands { levels: 2 }.parts(CameraKind::Perspective);
-        assert_eq!(by_camera.parts(CameraKind::Perspective).n_parts(), 5);
-        assert_eq!(by_camera.parts(CameraKind::Equirectangular), bands);
-        assert_eq!(by_camera.parts(CameraKind::Omnidirectional), bands);
+        let pyramid = Pooling::Pyramid { levels: 2 };
+        assert_eq!(by_camera.for_camera(CameraKind::Perspective), pyramid);
+        for camera in [CameraKind::Equirectangular, CameraKind::Omnidirectional] {
+            assert_eq!(by_camera.for_camera(camera), Pooling::Bands { levels: 2 });
+            assert_eq!(pyramid.for_camera(camera), pyramid);
+        }
     }
 
     #[test]
@@ -174,7 +184,7 @@ mod tests {
             columns in 0.0f32..200.0,
         ) {
             let mirror = Mirror { center_x: 0.5, center_y: 0.5, inner_radius: 0.05, outer_radius: 0.45 };
-            let parts = Pooling::Bands { levels: 4 }.parts(CameraKind::Omnidirectional);
+            let parts = Pooling::Bands { levels: 4 }.parts();
             // Off the rings' borders, where rounding decides.
             prop_assume!(((radius - 0.05) * 20.0).fract().clamp(0.001, 0.999) == ((radius - 0.05) * 20.0).fract());
             let view = Camera::new(Projection::Omnidirectional(mirror)).view(300, 300);

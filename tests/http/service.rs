@@ -112,7 +112,7 @@ pub static OTHER_MODEL: LazyLock<Model> = LazyLock::new(|| train(["x", "y", "z"]
 /// Trains on stripes, bars and dots.
 fn train(names: [&str; 3]) -> Model {
     let bag = vocabulary::Config { n_words: 12, ..vocabulary::Config::default() };
-    let config = Config { representation: Representation::Bag(bag), ..Config::default() };
+    let config = Config::default().with_bag(|machines| machines.representation = Representation::Bag(bag));
     let camera = Camera::new(Projection::Perspective);
     let extractor = Extractor::new(&config, camera.clone());
     let sample = |idx: u32| {
@@ -120,6 +120,7 @@ fn train(names: [&str; 3]) -> Model {
         Sample {
             place: names[idx as usize % 3].to_owned(),
             sequence: format!("drive {}", idx % 4),
+            name: format!("{idx}.jpg"),
             features: extractor.extract(&image, &mut Scratch::default()),
         }
     };

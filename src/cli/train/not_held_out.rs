@@ -1,6 +1,6 @@
 //! Why frames have no held-out answer, so that a rate of some of them can be trusted.
 
-use crate::model::{HeldOut, Sample};
+use crate::model::{HeldOut, Sample, Seen};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -24,8 +24,8 @@ impl NotHeldOut {
             *n_of_place.entry(&sample.place).or_default() += 1;
         }
         let reason = |sample: &Sample| {
-            if sample.features.keypoints.is_empty() {
-                "without any corner to recognize them by"
+            if sample.features.seen.iter().all(Seen::is_nothing) {
+                "without anything to recognize them by"
             } else if is_addition {
                 "of rooms that were new to the model"
             } else if n_of_place[sample.place.as_str()] == 1 {
@@ -54,19 +54,14 @@ mod tests {
     use super::*;
     use crate::detect::Keypoint;
     use crate::matrix::Matrix;
-    use crate::model::{Features, Recognition};
+    use crate::model::{Features, LocalFeatures, Recognition};
 
     fn sample(place: &str, n_keypoints: usize) -> Sample {
-        let keypoints =
-            vec![Keypoint { x: 0.0, y: 0.0, response: 1.0, scale: 1.0, angle: None }; n_keypoints];
-        let features = Features {
-            keypoints,
-            descriptors: Matrix::new(1),
-            spots: Vec::new(),
-            frame: Vec::new(),
-            scale: 1.0,
-        };
-        Sample { place: place.to_owned(), sequence: String::new(), features }
+        let keypoints = vec![Keypoint::new(0.0, 0.0, 1.0); n_keypoints];
+        let descriptors = Matrix::zeros(n_keypoints, 1);
+        let seen = Seen::Local(LocalFeatures { keypoints, descriptors, spots: Vec::new() });
+        let features = Features { seen: vec![seen], scale: 1.0 };
+        Sample { place: place.to_owned(), sequence: String::new(), name: String::new(), features }
     }
 
     fn answer(sample_idx: usize) -> HeldOut {
@@ -82,7 +77,7 @@ mod tests {
         assert_eq!(counts, [1, 1, 1], "{told:?}");
         assert!(told[0].reason.starts_with("held out together") && told[0].rooms == ["hall"], "{told:?}");
         assert!(told[1].reason.contains("no other frame shows") && told[1].rooms == ["bath"], "{told:?}");
-        assert!(told[2].reason.starts_with("without any corner") && told[2].rooms == ["hall"], "{told:?}");
+        assert!(told[2].reason.starts_with("without anything") && told[2].rooms == ["hall"], "{told:?}");
         let added = NotHeldOut::of(&[answer(2)], &samples, true);
         assert!(
             added[0].reason.contains("new to the model") && added[0].rooms == ["bath", "hall"],

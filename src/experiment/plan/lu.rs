@@ -83,15 +83,22 @@ fn features_of_paper() -> [(&'static str, Detector, Descriptor); 4] {
 
 /// The parameters of bags; the defaults where the configuration has none.
 fn bag_of(config: &Config) -> vocabulary::Config {
-    match &config.representation {
-        Representation::Bag(bag) => bag.clone(),
-        Representation::Descriptors {} => vocabulary::Config::default(),
+    match config.machines().map(|machines| &machines.representation) {
+        Some(Representation::Bag(bag)) => bag.clone(),
+        _ => vocabulary::Config::default(),
     }
 }
 
 fn with_words(base: &Config, n_words: usize) -> Config {
     let bag = vocabulary::Config { n_words, ..bag_of(base) };
-    Config { representation: Representation::Bag(bag), ..base.clone() }
+    base.with_bag(|machines| machines.representation = Representation::Bag(bag))
+}
+
+fn with_features(base: &Config, detector: &Detector, descriptor: &Descriptor) -> Config {
+    base.with_bag(|machines| {
+        machines.detector = detector.clone();
+        machines.descriptor = descriptor.clone();
+    })
 }
 
 pub(super) fn features(drives: &Drives, base: &Config) -> Result<Plan, ExperimentError> {
@@ -106,7 +113,7 @@ pub(super) fn features(drives: &Drives, base: &Config) -> Result<Plan, Experimen
     ];
     let mut plan = experiment.lu_plan("Local features, k = 200", "Lu et al., table 1", Chart::Bars);
     for ((name, detector, descriptor), printed) in features_of_paper().into_iter().zip(printed) {
-        let config = Config { detector, descriptor, ..with_words(base, 200) };
+        let config = with_features(&with_words(base, 200), &detector, &descriptor);
         for (train_idx, &(train, trained)) in trainings.iter().enumerate() {
             for (test_idx, &(test, tested)) in tests.iter().enumerate() {
                 let row = format!("{name}, trained on {trained}");
@@ -137,7 +144,7 @@ pub(super) fn kernels(drives: &Drives, base: &Config) -> Result<Plan, Experiment
     ];
     let mut plan = experiment.lu_plan("Kernels over bags, k = 300", "Lu et al., table 3", Chart::Bars);
     for (name, classifier, printed) in classifiers {
-        let config = Config { classifier, ..with_words(base, 300) };
+        let config = with_words(base, 300).with_bag(|machines| machines.classifier = classifier);
         for (&(test, tested), printed) in tests.iter().zip(printed) {
             plan.cells.push(Cell { printed, ..cell(name, tested, &[train], test, config.clone()) });
         }
@@ -174,8 +181,7 @@ pub(super) fn stability(drives: &Drives, base: &Config) -> Result<Plan, Experime
     ];
     for (name, detector, descriptor) in features_of_paper() {
         for &(test, tested) in &tests {
-            let config =
-                Config { detector: detector.clone(), descriptor: descriptor.clone(), ..base.clone() };
+            let config = with_features(base, &detector, &descriptor);
             let work = Work::Match { drives: [first, test] };
             plan.cells.push(Cell { work, ..cell(name, tested, &[first], test, config) });
         }
@@ -193,7 +199,7 @@ pub(super) fn cost(drives: &Drives, base: &Config) -> Result<Plan, ExperimentErr
          300 words of 72 numbers; 618, 279, 206 and 407 support vectors",
     );
     for (name, detector, descriptor) in features_of_paper() {
-        let config = Config { detector, descriptor, ..with_words(base, 300) };
+        let config = with_features(&with_words(base, 300), &detector, &descriptor);
         plan.cells
             .push(Cell { work: Work::Cost { train, test }, ..cell(name, "cloudy2", &[train], test, config) });
     }
@@ -214,7 +220,7 @@ pub(super) fn keypoints(drives: &Drives, base: &Config) -> Result<Plan, Experime
                 tested,
                 &[train],
                 test,
-                Config { detector: detector.clone(), ..base.clone() },
+                base.with_bag(|machines| machines.detector = detector.clone()),
             ));
         }
     }
@@ -263,11 +269,10 @@ pub(super) fn illumination(drives: &Drives, base: &Config) -> Result<Plan, Exper
 pub(super) fn best(drives: &Drives, base: &Config) -> Result<Plan, ExperimentError> {
     let experiment = Experiment::Best;
     let train = experiment.lu(drives, &LU_TRAININGS[..1])?[0].0;
-    let matching = Config {
-        representation: Representation::Descriptors {},
-        classifier: Classifier::MatchSvm(svm::MatchConfig::default()),
-        ..base.clone()
-    };
+    let matching = base.with_bag(|machines| {
+        machines.representation = Representation::Descriptors {};
+        machines.classifier = Classifier::MatchSvm(svm::MatchConfig::default());
+    });
     let models = [
         ("FAST+CS-LBP, bag", with_words(base, 300), [0.9806, 0.9594, 0.9429]),
         ("FAST+CS-LBP, match kernel", matching, [0.9500, 0.9215, 0.9323]),

@@ -6,7 +6,7 @@ use crate::dataset::cold::Illumination::{Cloudy, Night, Sunny};
 use crate::dataset::cold::{DrivenPath, SequenceName};
 use crate::describe::{Descriptor, SiftDescriptor};
 use crate::detect::{Detector, HarrisLaplace};
-use crate::model::{Classifier, Config, Representation};
+use crate::model::{BAG, Classifier, Config, MachinesConfig, Representation};
 use crate::svm::{InnerKernel, MatchConfig};
 
 /// Every drive trains once; all other drives of its lab, part and path that `is_wanted` are answered.
@@ -27,16 +27,20 @@ const PATHS: [(DrivenPath, &str); 2] =
 
 /// A row's two ways to tell rooms apart: that of the paper, whose figures are printed, and ours.
 fn methods(base: &Config) -> [(&'static str, Config, bool); 2] {
-    let of_paper = Config {
-        detector: Detector::HarrisLaplace(HarrisLaplace { target: N_KEYPOINTS, ..HarrisLaplace::default() }),
-        descriptor: Descriptor::Sift(SiftDescriptor::default()),
-        representation: Representation::Descriptors {},
-        classifier: Classifier::MatchSvm(MatchConfig {
-            inner: InnerKernel::Rbf { gamma: GAMMA },
-            ..MatchConfig::default()
-        }),
-        ..base.clone()
-    };
+    let of_paper = base.with_opinions(|name| name == BAG).with_bag(|machines| {
+        *machines = MachinesConfig {
+            detector: Detector::HarrisLaplace(HarrisLaplace {
+                target: N_KEYPOINTS,
+                ..HarrisLaplace::default()
+            }),
+            descriptor: Descriptor::Sift(SiftDescriptor::default()),
+            representation: Representation::Descriptors {},
+            classifier: Classifier::MatchSvm(MatchConfig {
+                inner: InnerKernel::Rbf { gamma: GAMMA },
+                ..MatchConfig::default()
+            }),
+        }
+    });
     [("the paper's method", of_paper, true), ("as configured", base.clone(), false)]
 }
 

@@ -1,0 +1,109 @@
+//! Which frames a model has learned: the rows that opinions keep, and the answers that name a frame, count by them.
+
+use super::Sample;
+use super::arrays::{Array, Arrays, require};
+use super::format::FormatError;
+use std::collections::BTreeMap;
+
+/// The frames, in the order in which they were learned.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct LearnedFrames {
+    /// The room of each.
+    pub(super) labels: Vec<usize>,
+    /// The drive of each: an index into `drive_names`.
+    drives: Vec<usize>,
+    drive_names: Vec<String>,
+    /// What each is called, such as its path in the data set; may be empty.
+    names: Vec<String>,
+}
+
+impl LearnedFrames {
+    /// Of samples whose rooms are known.
+    pub(super) fn new(samples: &[&Sample], labels: &[usize]) -> Self {
+        let mut learned = Self::default();
+        learned.extend(samples.iter().copied().zip(labels.iter().copied()));
+        learned
+    }
+
+    pub(super) fn extend<'a>(&mut self, frames: impl Iterator<Item = (&'a Sample, usize)>) {
+        let mut drives: BTreeMap<String, usize> = self.drive_names.iter().cloned().zip(0..).collect();
+        for (sample, label) in frames {
+            let drive = *drives.entry(sample.sequence.clone()).or_insert_with(|| {
+                self.drive_names.push(sample.sequence.clone());
+                self.drive_names.len() - 1
+            });
+            self.labels.push(label);
+            self.drives.push(drive);
+            // Names are lines of a text.
+            self.names.push(sample.name.replace(['\n', '\r'], " "));
+        }
+    }
+
+    pub(super) fn n_frames(&self) -> usize {
+        self.labels.len()
+    }
+
+    /// What a frame is called.
+    pub(super) fn name(&self, frame_idx: usize) -> Option<&str> {
+        self.names.get(frame_idx).map(String::as_str).filter(|name| !name.is_empty())
+    }
+
+    pub(super) fn drive(&self, frame_idx: usize) -> &str {
+        &self.drive_names[self.drives[frame_idx]]
+    }
+
+    /// With the rooms numbered anew.
+    pub(super) fn renumbered(&self, of_earlier: &[usize]) -> Self {
+        Self { labels: self.labels.iter().map(|&label| of_earlier[label]).collect(), ..self.clone() }
+    }
+
+    /// The frames that are left, with their rooms numbered by their order in `left_places` (ascending).
+    pub(super) fn left(&self, is_left: &[bool], left_places: &[usize]) -> Self {
+        let mut left = Self::default();
+        let mut drives: BTreeMap<usize, usize> = BTreeMap::new();
+        for (frame_idx, _) in is_left.iter().enumerate().filter(|(_, is_left)| **is_left) {
+            let drive = *drives.entry(self.drives[frame_idx]).or_insert_with(|| {
+                left.drive_names.push(self.drive(frame_idx).to_owned());
+                left.drive_names.len() - 1
+            });
+            left.labels.push(left_places.binary_search(&self.labels[frame_idx]).unwrap_or_default());
+            left.drives.push(drive);
+            left.names.push(self.names[frame_idx].clone());
+        }
+        left
+    }
+
+    pub(super) fn to_arrays(&self) -> Vec<Array> {
+        if self.labels.is_empty() {
+            return Vec::new();
+        }
+        vec![
+            Array::counts("frames.rooms", self.labels.iter().copied()),
+            Array::counts("frames.drives", self.drives.iter().copied()),
+            Array::text("frames.drive_names", &self.drive_names.join("\n")),
+            Array::text("frames.names", &self.names.join("\n")),
+        ]
+    }
+
+    /// Frames of unknown origin that fit so many rooms; none where the file tells of none.
+    pub(super) fn from_arrays(n_places: usize, file: &Arrays) -> Result<Self, FormatError> {
+        if !file.has("frames.rooms") {
+            return Ok(Self::default());
+        }
+        let lines = |name| Ok::<_, FormatError>(file.text(name)?.split('\n').map(str::to_owned).collect());
+        let learned = Self {
+            labels: file.counts("frames.rooms")?,
+            drives: file.counts("frames.drives")?,
+            drive_names: lines("frames.drive_names")?,
+            names: lines("frames.names")?,
+        };
+        let n_frames = learned.labels.len();
+        require(n_frames > 0, "it has learned no frame")?;
+        let are_as_many = learned.drives.len() == n_frames && learned.names.len() == n_frames;
+        require(are_as_many, "its frames have other numbers of drives and names")?;
+        require(learned.labels.iter().all(|&label| label < n_places), "a frame is of no room")?;
+        let n_drives = learned.drive_names.len();
+        require(learned.drives.iter().all(|&drive| drive < n_drives), "a frame is of no drive")?;
+        Ok(learned)
+    }
+}

@@ -1,0 +1,327 @@
+//! Opinions: the ways to tell rooms apart that a model may have, each in a file of its own.
+//!
+//! To add one, write its file: a configuration that says what it looks at ([`Sight`]), what is wrong with its
+//! parameters, how it is calibrated and how much it counts where nothing is known; and a [`Recognizer`] that is
+//! trained, answers, goes on learning, gives its reasons, and has arrays. Then name both in the enums here. Everything else
+//! (calibration, weights, the file, evaluation, tuning, experiments) works on opinions without knowing which.
+
+mod kept;
+mod machines;
+mod patterns;
+
+pub use machines::{Classifier, MachinesConfig, Representation};
+pub use patterns::PatternsConfig;
+
+use super::arrays::{Array, Arrays};
+use super::calibration::{Calibration, Way};
+use super::format::FormatError;
+use super::pool::Vote;
+use super::sight::{Seen, Sight};
+use super::{AddError, Features, TrainError};
+use crate::camera::CameraKind;
+use machines::Machines;
+use patterns::Patterns;
+use serde::{Deserialize, Serialize};
+
+/// The sum of the weights that are taken where nothing is known of how well opinions do: more than 1, since what
+/// several say independently is more certain than what one says.
+pub(super) const PRIOR_SUM: f64 = 1.0;
+
+/// A way to tell rooms apart, with its parameters.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum OpinionConfig {
+    /// Machines over the local features of a frame.
+    Machines(MachinesConfig),
+    /// Machines over the patterns of the whole frame.
+    Patterns(PatternsConfig),
+}
+
+/// What a kind of opinion learns from frames, and says of them.
+pub(super) trait Recognizer: Sized {
+    type Config;
+    /// What trainings on parts of the same frames have in common.
+    type Prepared;
+
+    /// Looks at all training frames once.
+    fn prepare(config: &Self::Config, frames: &[&Seen], seed: u64) -> Result<Self::Prepared, TrainError>;
+
+    /// Learns from some of these frames.
+    fn train(
+        config: &Self::Config,
+        prepared: &Self::Prepared,
+        frames: &[&Seen],
+        chosen: &Chosen,
+    ) -> Result<Self, TrainError>;
+
+    /// One finite number a machine or room, as [`Way`] says; `None` of a frame that shows it nothing.
+    fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>>;
+
+    /// Whether it keeps what [`Recognizer::add`] needs.
+    fn check_addition(&self) -> Result<(), AddError>;
+
+    /// Learns more frames in addition.
+    fn add(&self, addition: &Added) -> Result<Self, AddError>;
+
+    /// Forgets frames, and the rooms of which none is left.
+    fn without(&self, left: &Left) -> Result<Self, AddError>;
+
+    /// What spoke for and against a room, in any order; nothing where it cannot be told.
+    fn clues(&self, seen: &Seen, place_idx: usize) -> Vec<Clue>;
+
+    /// All that [`Recognizer::from_arrays`] needs beside the configuration.
+    fn to_arrays(&self) -> Vec<Array>;
+
+    /// One of unknown origin that fits its checked configuration and `shape`, and cannot fail to answer.
+    fn from_arrays(config: &Self::Config, shape: Shape, arrays: &Arrays) -> Result<Self, FormatError>;
+
+    /// What people and tables are told of it.
+    fn size(&self) -> Size;
+}
+
+/// Frames to learn from.
+pub(super) struct Chosen<'a> {
+    /// Which of all.
+    pub(super) frame_idxs: &'a [usize],
+    /// The class of each of these, below `n_classes`; no class is without a frame.
+    pub(super) labels: &'a [usize],
+    pub(super) n_classes: usize,
+}
+
+/// Frames that are learned in addition.
+pub(super) struct Added<'a> {
+    /// What is seen of them.
+    pub(super) frames: &'a [&'a Seen],
+    /// The room of each frame that was learned, those in addition last, as rooms are numbered from now on.
+    pub(super) labels: &'a [usize],
+    pub(super) n_places: usize,
+    /// Which number each room of before has from now on; ascending.
+    pub(super) of_earlier: &'a [usize],
+    /// The share at which support vectors are dropped; see [`super::Model::add`].
+    pub(super) forget: f64,
+}
+
+/// Frames that are left when others are forgotten.
+pub(super) struct Left<'a> {
+    /// Whether each frame that was learned is left.
+    pub(super) is_left: &'a [bool],
+    /// The room of each that is left, as rooms are numbered from now on.
+    pub(super) labels: &'a [usize],
+    pub(super) n_places: usize,
+}
+
+/// What the arrays of an opinion must agree with.
+#[derive(Clone, Copy)]
+pub(super) struct Shape {
+    pub(super) n_places: usize,
+    /// Of what it looks at; see [`Sight`].
+    pub(super) n_dimensions: usize,
+    /// The number of frames that the model says it has learned; 0 in files that do not say.
+    pub(super) n_frames: usize,
+}
+
+/// How much an opinion holds.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Size {
+    /// The words of its vocabulary, if it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub n_words: Option<usize>,
+    /// The training frames that each of its machines rests on; none where they rest on none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub n_support_vectors: Vec<usize>,
+    /// What it keeps of the frames that it has learned, to go on from: support vectors, rows or descriptors.
+    pub n_kept: usize,
+}
+
+/// A keypoint's share in what an opinion says of a room.
+pub(super) struct Clue {
+    /// In pixels of the frame at working size.
+    pub(super) x: f32,
+    pub(super) y: f32,
+    pub(super) likeness: Likeness,
+    /// Its share in the decision value of the room; negative speaks against it.
+    pub(super) weight: f32,
+}
+
+/// What a keypoint looks like.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Likeness {
+    /// This word of the opinion's vocabulary.
+    Word(usize),
+}
+
+/// A configuration, and what its trainings have in common.
+pub(super) enum Learner<'a> {
+    Machines(&'a MachinesConfig, <Machines as Recognizer>::Prepared),
+    Patterns(&'a PatternsConfig, <Patterns as Recognizer>::Prepared),
+}
+
+/// What has learned to tell rooms apart.
+#[derive(Clone, Debug)]
+pub(super) enum Trained {
+    Machines(Machines),
+    Patterns(Patterns),
+}
+
+/// Calls what all kinds have.
+macro_rules! of_each {
+    ($kinds:ident, $value:expr, $inner:ident => $body:expr) => {
+        match $value {
+            $kinds::Machines($inner) => $body,
+            $kinds::Patterns($inner) => $body,
+        }
+    };
+}
+
+/// The same for what gives one of the kind again.
+macro_rules! again_each {
+    ($value:expr, $inner:ident => $body:expr) => {
+        match $value {
+            Trained::Machines($inner) => Trained::Machines($body),
+            Trained::Patterns($inner) => Trained::Patterns($body),
+        }
+    };
+}
+
+impl OpinionConfig {
+    /// What it looks at.
+    pub fn sight(&self) -> Sight {
+        of_each!(Self, self, config => config.sight())
+    }
+
+    /// The same for frames of a camera: what depends on its kind is chosen.
+    pub(super) fn for_camera(&self, camera: CameraKind) -> Self {
+        match self {
+            Self::Machines(config) => Self::Machines(config.for_camera(camera)),
+            Self::Patterns(_) => self.clone(),
+        }
+    }
+
+    /// Whether what it learns depends on the seed when frames of known sequences are compared with each other.
+    pub fn is_random(&self) -> bool {
+        of_each!(Self, self, config => config.is_random())
+    }
+
+    /// What is wrong with the parameters beside those of its sight, if anything.
+    pub(super) fn check(&self) -> Result<(), String> {
+        of_each!(Self, self, config => config.check())
+    }
+
+    /// How it is calibrated.
+    pub(super) fn way(&self) -> Way {
+        of_each!(Self, self, config => config.way())
+    }
+
+    /// How much it counts beside others where nothing is known of how well it does.
+    pub(super) fn prior_weight(&self) -> f64 {
+        of_each!(Self, self, config => config.prior_weight())
+    }
+
+    /// Looks at all training frames once.
+    pub(super) fn learner(&self, frames: &[&Seen], seed: u64) -> Result<Learner<'_>, TrainError> {
+        Ok(match self {
+            Self::Machines(config) => Learner::Machines(config, Machines::prepare(config, frames, seed)?),
+            Self::Patterns(config) => Learner::Patterns(config, Patterns::prepare(config, frames, seed)?),
+        })
+    }
+
+    /// One of unknown origin.
+    pub(super) fn read(&self, shape: Shape, arrays: &Arrays) -> Result<Trained, FormatError> {
+        Ok(match self {
+            Self::Machines(config) => Trained::Machines(Machines::from_arrays(config, shape, arrays)?),
+            Self::Patterns(config) => Trained::Patterns(Patterns::from_arrays(config, shape, arrays)?),
+        })
+    }
+}
+
+impl Learner<'_> {
+    pub(super) fn train(&self, frames: &[&Seen], chosen: &Chosen) -> Result<Trained, TrainError> {
+        Ok(match self {
+            Self::Machines(config, prepared) => {
+                Trained::Machines(Machines::train(config, prepared, frames, chosen)?)
+            }
+            Self::Patterns(config, prepared) => {
+                Trained::Patterns(Patterns::train(config, prepared, frames, chosen)?)
+            }
+        })
+    }
+}
+
+impl Trained {
+    pub(super) fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>> {
+        of_each!(Self, self, recognizer => recognizer.decision_values(seen))
+    }
+
+    pub(super) fn check_addition(&self) -> Result<(), AddError> {
+        of_each!(Self, self, recognizer => recognizer.check_addition())
+    }
+
+    pub(super) fn add(&self, added: &Added) -> Result<Self, AddError> {
+        Ok(again_each!(self, recognizer => recognizer.add(added)?))
+    }
+
+    pub(super) fn without(&self, left: &Left) -> Result<Self, AddError> {
+        Ok(again_each!(self, recognizer => recognizer.without(left)?))
+    }
+
+    fn clues(&self, seen: &Seen, place_idx: usize) -> Vec<Clue> {
+        of_each!(Self, self, recognizer => recognizer.clues(seen, place_idx))
+    }
+
+    fn to_arrays(&self) -> Vec<Array> {
+        of_each!(Self, self, recognizer => recognizer.to_arrays())
+    }
+
+    fn size(&self) -> Size {
+        of_each!(Self, self, recognizer => recognizer.size())
+    }
+}
+
+#[cfg(test)]
+impl Trained {
+    /// As in files of versions that did not keep the rooms of support vectors.
+    pub(super) fn forget_support_labels(&mut self) {
+        if let Self::Machines(machines) = self {
+            machines.forget_support_labels();
+        }
+    }
+}
+
+/// One opinion of a model.
+#[derive(Clone, Debug)]
+pub(super) struct Opinion {
+    /// Which of [`super::Config::sights`] it looks at.
+    pub(super) sight_idx: usize,
+    pub(super) trained: Trained,
+    pub(super) calibration: Calibration,
+    pub(super) weight: f64,
+}
+
+impl Opinion {
+    /// One number a machine or room; `None` of a frame that shows it nothing.
+    pub(super) fn decision_values(&self, features: &Features) -> Option<Vec<f32>> {
+        self.trained.decision_values(&features.seen[self.sight_idx])
+    }
+
+    /// `None` of a frame that shows it nothing.
+    pub(super) fn vote(&self, features: &Features) -> Option<Vote> {
+        let values = self.decision_values(features)?;
+        Some(Vote { weight: self.weight, probabilities: self.calibration.probabilities(&values) })
+    }
+
+    /// What spoke for and against a room.
+    pub(super) fn clues(&self, features: &Features, place_idx: usize) -> Vec<Clue> {
+        self.trained.clues(&features.seen[self.sight_idx], place_idx)
+    }
+
+    pub(super) fn size(&self) -> Size {
+        self.trained.size()
+    }
+
+    /// Named as within the opinion.
+    pub(super) fn to_arrays(&self) -> Vec<Array> {
+        let mut arrays = self.trained.to_arrays();
+        arrays.extend(self.calibration.to_arrays());
+        arrays
+    }
+}

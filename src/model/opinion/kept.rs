@@ -1,0 +1,130 @@
+//! Training rows that a model keeps, so that machines over them can be trained anew when frames come or go.
+
+use super::super::AddError;
+use super::super::arrays::{Array, Arrays, require};
+use super::super::format::FormatError;
+use super::{Added, Left, Shape};
+use crate::matrix::Matrix;
+
+/// One row a frame, in whole numbers of a 127th of the row's largest magnitude: a quarter of the space, and far below
+/// the noise of what is counted or seen.
+#[derive(Clone, Debug, Default)]
+pub(super) struct KeptRows {
+    n_cols: usize,
+    values: Vec<i8>,
+    /// One a row: what a value of 1 stands for.
+    units: Vec<f32>,
+}
+
+const LARGEST: f32 = 127.0;
+
+impl KeptRows {
+    pub(super) fn new(rows: &Matrix) -> Self {
+        let mut kept = Self { n_cols: rows.n_cols(), ..Self::default() };
+        rows.rows().for_each(|row| kept.push(row));
+        kept
+    }
+
+    fn push(&mut self, row: &[f32]) {
+        let largest = row.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+        let unit = if largest > 0.0 { largest / LARGEST } else { 1.0 };
+        self.values.extend(row.iter().map(|value| (value / unit).round() as i8));
+        self.units.push(unit);
+    }
+
+    pub(super) fn n_rows(&self) -> usize {
+        self.units.len()
+    }
+
+    /// Whether there are any, without which machines cannot go on.
+    pub(super) fn check(&self) -> Result<(), AddError> {
+        if self.n_rows() == 0 { Err(AddError::NothingKept) } else { Ok(()) }
+    }
+
+    /// The rows as they were, but for rounding.
+    pub(super) fn rows(&self) -> Matrix {
+        let mut rows = Matrix::new(self.n_cols);
+        for (values, unit) in self.values.chunks_exact(self.n_cols.max(1)).zip(&self.units) {
+            rows.push_row(&Vec::from_iter(values.iter().map(|&value| f32::from(value) * unit)));
+        }
+        rows
+    }
+
+    /// With those of frames that are learned in addition; `None` where not all of before were kept.
+    pub(super) fn with(&self, rows: &Matrix, added: &Added) -> Option<Self> {
+        let mut kept = self.clone();
+        rows.rows().for_each(|row| kept.push(row));
+        (self.n_rows() > 0 && kept.n_rows() == added.labels.len()).then_some(kept)
+    }
+
+    /// Those of frames that are left; `None` where not all were kept.
+    pub(super) fn left(&self, left: &Left) -> Option<Self> {
+        if self.n_rows() == 0 || self.n_rows() != left.is_left.len() {
+            return None;
+        }
+        let mut kept = Self { n_cols: self.n_cols, ..Self::default() };
+        let rows = self.values.chunks_exact(self.n_cols.max(1)).zip(&self.units);
+        for ((values, unit), _) in rows.zip(left.is_left).filter(|(_, is_left)| **is_left) {
+            kept.values.extend(values);
+            kept.units.push(*unit);
+        }
+        Some(kept)
+    }
+
+    pub(super) fn to_arrays(&self) -> Vec<Array> {
+        if self.n_rows() == 0 {
+            return Vec::new();
+        }
+        vec![
+            Array::bytes("kept.values", [self.n_rows(), self.n_cols], &self.values),
+            Array::vector("kept.units", &self.units),
+        ]
+    }
+
+    /// Rows of unknown origin, of frames of so many numbers; none where the file holds none.
+    pub(super) fn from_arrays(n_cols: usize, shape: Shape, arrays: &Arrays) -> Result<Self, FormatError> {
+        if !arrays.has("kept.values") {
+            return Ok(Self { n_cols, ..Self::default() });
+        }
+        let ([n_rows, width], values) = arrays.bytes("kept.values")?;
+        let units = arrays.vector("kept.units")?;
+        require(width == n_cols, "its kept rows fit no machine")?;
+        require(n_rows == units.len() && n_rows == shape.n_frames, "its kept rows are not one a frame")?;
+        let are_units = units.iter().all(|unit| unit.is_finite() && (0.0..1e9).contains(unit));
+        require(are_units, "its kept rows are not finite")?;
+        Ok(Self { n_cols, values, units })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn rows_come_back_but_for_rounding(values in prop::collection::vec(-3.0_f32..3.0, 12)) {
+            let rows = Matrix::from_vec(values, 4).unwrap();
+            let back = KeptRows::new(&rows).rows();
+            for (row, back) in rows.rows().zip(back.rows()) {
+                let largest = row.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+                prop_assert!(row.iter().zip(back).all(|(a, b)| (a - b).abs() <= largest / 250.0));
+            }
+        }
+    }
+
+    #[test]
+    fn rows_join_and_leave_in_step_with_their_frames() {
+        let rows = Matrix::from_vec(vec![0.0, 0.0, 1.0, 0.5], 2).unwrap();
+        let kept = KeptRows::new(&rows);
+        assert_eq!(kept.rows().row(0), [0.0, 0.0]);
+        let added = |labels| Added { frames: &[], labels, n_places: 2, of_earlier: &[0, 1], forget: 0.0 };
+        assert!(kept.with(&rows, &added(&[0, 1, 0])).is_none());
+        let more = kept.with(&rows, &added(&[0, 1, 0, 1])).unwrap();
+        let left = Left { is_left: &[false, true, false, false], labels: &[0], n_places: 1 };
+        let last = more.left(&left).unwrap();
+        assert_eq!(last.n_rows(), 1);
+        assert!((last.rows().row(0)[1] - 0.5).abs() < 0.01);
+        assert!(kept.left(&left).is_none());
+    }
+}
