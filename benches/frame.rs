@@ -12,10 +12,12 @@ use image::codecs::jpeg::JpegEncoder;
 use roomsight::camera::{Camera, Mirror, Projection};
 use roomsight::image::{Image, Limits};
 use roomsight::matrix::Matrix;
-use roomsight::model::{Config, Extractor, Features, LocalFeatures, Model, Representation, Sample, Scratch};
+use roomsight::model::{
+    Config, Extractor, Features, LocalFeatures, Model, Representation, Sample, Scratch, Seen,
+};
 use roomsight::simulate::CameraKind;
 use roomsight::svm::{self, Calibration, LinearSvm};
-use roomsight::vocabulary::Vocabulary;
+use roomsight::vocabulary::{Described, Vocabulary};
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -82,11 +84,11 @@ impl Classification {
         let Representation::Bag(vocabulary) = &config.machines().unwrap().representation else {
             panic!("no bag by default")
         };
-        let descriptors: Vec<&Matrix> = features.iter().filter_map(Features::descriptors).collect();
-        let vocabulary = Vocabulary::train(&descriptors, vocabulary, config.seed).unwrap();
-        let mut bags = Matrix::new(vocabulary.n_columns());
         let local = features.iter().flat_map(|features| &features.seen).filter_map(Seen::local);
-        local.for_each(|local| bags.push_row(&vocabulary.row(local.described())));
+        let frames: Vec<Described> = local.map(LocalFeatures::described).collect();
+        let vocabulary = Vocabulary::train(&frames, vocabulary, config.seed).unwrap();
+        let mut bags = Matrix::new(vocabulary.n_columns());
+        frames.iter().for_each(|&frame| bags.push_row(&vocabulary.row(frame)));
 
         let mut names = places.to_vec();
         names.sort();

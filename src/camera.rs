@@ -20,6 +20,13 @@ pub enum CameraKind {
     Omnidirectional,
 }
 
+impl CameraKind {
+    /// Whether turning the robot only moves what it sees across the frame.
+    pub fn sees_all_around(self) -> bool {
+        self != Self::Perspective
+    }
+}
+
 /// A camera as a model knows it. Nothing is detected or described outside its valid region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
@@ -93,12 +100,12 @@ pub struct View {
     hidden: Option<HiddenCount>,
 }
 
-/// Where something lies in what a camera sees. Turning a robot moves it across, but not down, in panoramas and
-/// mirrors.
+/// Where something lies in what a camera sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spot {
-    /// From the left edge (0) to the right (1); in a mirror the angle round the center, of a full turn.
-    pub across: f32,
+    /// From the left edge (0) to the right (1); `None` where the camera sees all around, and it changes with every turn
+    /// of the robot.
+    pub across: Option<f32>,
     /// From the upper edge (0) to the lower (1); in a mirror from the inner rim to the outer.
     pub down: f32,
 }
@@ -168,6 +175,11 @@ impl View {
         self.projection.kind()
     }
 
+    /// How the camera projects.
+    pub fn projection(&self) -> Projection {
+        self.projection
+    }
+
     /// Where (x, y) is between the inner (0) and the outer rim (1) of the mirror; 0 for cameras without one.
     pub fn ring_share(&self, x: f32, y: f32) -> f32 {
         let Projection::Omnidirectional(mirror) = self.projection else { return 0.0 };
@@ -177,14 +189,12 @@ impl View {
 
     /// Where (x, y) lies in what the camera sees, whatever the size of the frame.
     pub fn spot(&self, x: f32, y: f32) -> Spot {
-        let (across, down) = match self.projection {
-            Projection::Omnidirectional(mirror) => {
-                let (dx, dy, _) = mirror.polar(x, y, self.width);
-                (dy.atan2(dx) / std::f32::consts::TAU + 0.5, self.ring_share(x, y))
-            }
-            _ => (x / self.width as f32, y / self.height as f32),
-        };
-        Spot { across, down }
+        let down = y / self.height as f32;
+        match self.kind() {
+            CameraKind::Perspective => Spot { across: Some(x / self.width as f32), down },
+            CameraKind::Equirectangular => Spot { across: None, down },
+            CameraKind::Omnidirectional => Spot { across: None, down: self.ring_share(x, y) },
+        }
     }
 
     /// The unit vector from the mirror center to (x, y); `None` for cameras without a mirror and in the

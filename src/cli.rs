@@ -7,6 +7,7 @@ mod data;
 mod demo;
 mod evaluate;
 mod experiment;
+mod forget;
 mod health;
 mod inspect;
 mod key;
@@ -23,10 +24,11 @@ mod train;
 mod tune;
 mod validate;
 
+use crate::network::Runtime;
 use clap::{Parser, Subcommand};
 use std::ffi::OsStr;
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 /// The exit code where all went well but the figures are not what was asked for.
@@ -38,6 +40,10 @@ const GATE_FAILED: u8 = 3;
 #[derive(Parser)]
 #[command(name = "roomsight", version, max_term_width = 100)]
 struct Cli {
+    /// The library of ONNX Runtime, for models that look through networks [default: the one in networks/, or in the
+    /// folder networks/ beside this program]
+    #[arg(long, global = true, value_name = "FILE", env = "ROOMSIGHT_ONNX_RUNTIME")]
+    onnx_runtime: Option<PathBuf>,
     #[command(subcommand)]
     command: Command,
 }
@@ -46,6 +52,7 @@ struct Cli {
 enum Command {
     Demo(demo::DemoArgs),
     Train(train::TrainArgs),
+    Forget(forget::ForgetArgs),
     Evaluate(evaluate::EvaluateArgs),
     Validate(validate::ValidateArgs),
     Tune(tune::TuneArgs),
@@ -62,7 +69,12 @@ enum Command {
 
 /// Parses the command line, runs the command, and reports its failure on standard error.
 pub fn main() -> ExitCode {
-    match run(Cli::parse().command) {
+    let Cli { onnx_runtime, command } = Cli::parse();
+    match onnx_runtime {
+        Some(library) => Runtime::name_library(library),
+        None => look_beside_the_program(),
+    }
+    match run(command) {
         Ok(()) => ExitCode::SUCCESS,
         // Whoever reads the output (`| head`) has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
@@ -73,10 +85,20 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// ONNX Runtime may lie where the program does.
+fn look_beside_the_program() {
+    if let Ok(program) = std::env::current_exe()
+        && let Some(folder) = program.parent()
+    {
+        Runtime::look_into(folder.join("networks"));
+    }
+}
+
 fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Demo(args) => demo::run(&args),
         Command::Train(args) => train::run(&args),
+        Command::Forget(args) => forget::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),
         Command::Validate(args) => validate::run(&args),
         Command::Tune(args) => tune::run(&args),

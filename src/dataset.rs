@@ -27,7 +27,7 @@ pub use describe::{Copied, Described};
 pub use error::{DatasetError, Problem, ProblemKind, by_kind};
 
 use crate::camera::CameraKind;
-use crate::image::{Image, Limits};
+use crate::image::{Image, ImageError, Limits};
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -65,14 +65,14 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Reads and decodes the image; its size is checked before a byte of it is read.
+    /// Reads and decodes the image, its luma alone; its size is checked before a byte of it is read.
     pub fn read(&self, limits: &Limits) -> Result<Image, Problem> {
-        self.decode(&self.read_encoded(limits)?, limits)
+        Image::decode(&self.read_encoded(limits)?, limits).map_err(|error| self.undecoded(&error))
     }
 
-    /// Decodes what was read.
-    fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, Problem> {
-        Image::decode(bytes, limits).map_err(|error| Problem::new(&self.path, error.to_string()))
+    /// The problem that what was read is no image.
+    fn undecoded(&self, error: &ImageError) -> Problem {
+        Problem::new(&self.path, error.to_string())
     }
 
     /// Reads the image as it is encoded; its size is checked before a byte of it is read.

@@ -126,13 +126,13 @@ fn check_target(target: usize) -> Result<(), String> {
 }
 
 /// The `target` keypoints of highest response, highest first, ties in reading order.
-fn keep_strongest(keypoints: &mut Vec<Keypoint>, target: usize) {
+pub(crate) fn keep_strongest(keypoints: &mut Vec<Keypoint>, target: usize) {
     keypoints.sort_by(|a, b| b.response.total_cmp(&a.response).then_with(|| in_reading_order(a, b)));
     keypoints.truncate(target);
 }
 
 /// Row by row, from left to right, from fine to coarse.
-fn in_reading_order(a: &Keypoint, b: &Keypoint) -> Ordering {
+pub(crate) fn in_reading_order(a: &Keypoint, b: &Keypoint) -> Ordering {
     let angle = |keypoint: &Keypoint| keypoint.angle.unwrap_or(0.0);
     let place = a.y.total_cmp(&b.y).then(a.x.total_cmp(&b.x));
     place.then(a.scale.total_cmp(&b.scale)).then(angle(a).total_cmp(&angle(b)))

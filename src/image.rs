@@ -1,7 +1,8 @@
 //! 8-bit luma images, and decoding untrusted bytes into them within limits.
 //!
 //! Luma is Rec. 601 (0.299 R + 0.587 G + 0.114 B) for every format, as JPEG stores it, so that a frame
-//! sent as PNG is the same image as one sent as JPEG.
+//! sent as PNG is the same image as one sent as JPEG. Colors are decoded beside it where they are asked for, and
+//! never change it.
 
 mod containers;
 mod decode;
@@ -114,12 +115,13 @@ struct Gap {
     visible: Region,
 }
 
-/// An 8-bit luma image, row-major, at least 1 x 1.
+/// An 8-bit luma image, row-major, at least 1 x 1. It may carry the colors of its pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     width: usize,
     height: usize,
     pixels: Vec<u8>,
+    colors: Option<Vec<u8>>,
     reduction: usize,
     gap: Option<Gap>,
 }
@@ -131,9 +133,17 @@ impl Image {
             width,
             height,
             pixels,
+            colors: None,
             reduction: 1,
             gap: None,
         })
+    }
+
+    /// The same with the colors of its pixels: red, green and blue of each, row after row. `None` when there are
+    /// not three numbers a pixel.
+    pub fn with_colors(self, colors: Vec<u8>) -> Option<Self> {
+        let fits = self.pixels.len().checked_mul(3) == Some(colors.len());
+        fits.then_some(Self { colors: Some(colors), ..self })
     }
 
     /// Decodes a JPEG, PNG, WebP, BMP or PGM of unknown origin, EXIF orientation applied.
@@ -142,10 +152,24 @@ impl Image {
     /// anything is allocated. Rows that a JPEG lacks are gray, and told by [`Image::damaged_rows`]; one of
     /// which less than a third is there is refused.
     pub fn decode(bytes: &[u8], limits: &Limits) -> Result<Self, ImageError> {
-        decode::decode(bytes, limits)
+        decode::decode(bytes, limits, false)
     }
 
-    /// Shrinks to at most `longest_side` pixels by area averaging; `None` when it is small enough already.
+    /// The same, with [`Image::colors`] where there are any. They cost time and memory; the rest is what
+    /// [`Image::decode`] gives. Colors that would take more memory than `limits` allow, or are damaged beyond
+    /// reading, are left out.
+    pub fn decode_with_colors(bytes: &[u8], limits: &Limits) -> Result<Self, ImageError> {
+        decode::decode(bytes, limits, true)
+    }
+
+    /// Red, green and blue of each pixel, row after row: three bytes a pixel, sRGB where the file says nothing
+    /// else. `None` where they were not asked for, of a gray picture, and after shrinking.
+    pub fn colors(&self) -> Option<&[u8]> {
+        self.colors.as_deref()
+    }
+
+    /// Shrinks to at most `longest_side` pixels by area averaging; `None` when it is small enough already. The
+    /// smaller image has no colors.
     pub fn shrink_to(&self, longest_side: usize) -> Option<Self> {
         resize::shrink_to(self, longest_side)
     }

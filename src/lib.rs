@@ -11,19 +11,20 @@
 //! | 3 | [`image`] | encoded frames to pixels |
 //! | 4 | [`camera`], [`plane`] | where pixels are valid; gray values at many scales |
 //! | 5 | [`detect`] | keypoints |
-//! | 6 | [`describe`] | keypoints to descriptors |
+//! | 6 | [`describe`], [`network`] | keypoints to descriptors; neural networks as a source of features |
 //! | 7 | [`vocabulary`], [`svm`], [`boost`], [`folds`] | descriptors to bags of words, bags to probabilities |
-//! | 8 | [`filter`] | probabilities of frames to the room of a stream |
-//! | 9 | [`model`] | the whole pipeline: train, recognize, the file |
-//! | 10 | [`repository`] | which versions of which models there are, on a disk or in a bucket |
-//! | 11 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 12 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
-//! | 13 | [`experiment`] | the experiments of the papers |
-//! | 14 | [`protocol`] | what travels between robots and the service |
-//! | 15 | [`client`], [`server`] | a client of the HTTP service, the service |
-//! | 16 | [`cli`] | the commands |
+//! | 8 | [`memory`] | every descriptor remembered, frames answered by the nearest |
+//! | 9 | [`filter`] | probabilities of frames to the room of a stream |
+//! | 10 | [`model`] | the whole pipeline: train, recognize, the file |
+//! | 11 | [`repository`] | which versions of which models there are, on a disk or in a bucket |
+//! | 12 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
+//! | 13 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
+//! | 14 | [`experiment`] | the experiments of the papers |
+//! | 15 | [`protocol`] | what travels between robots and the service |
+//! | 16 | [`client`], [`server`] | a client of the HTTP service, the service |
+//! | 17 | [`cli`] | the commands |
 //!
-//! Groups 1 to 9 are the recognition core. They know no async, no HTTP, no clock and no hidden
+//! Groups 1 to 10 are the recognition core. They know no async, no HTTP, no clock and no hidden
 //! randomness: seeds are arguments.
 
 pub mod matrix;
@@ -39,11 +40,14 @@ pub mod plane;
 pub mod detect;
 
 pub mod describe;
+pub mod network;
 
 pub mod boost;
 pub mod folds;
 pub mod svm;
 pub mod vocabulary;
+
+pub mod memory;
 
 pub mod filter;
 

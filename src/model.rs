@@ -10,13 +10,17 @@ mod add;
 mod arrays;
 mod calibration;
 mod card;
+mod choose;
 mod config;
+mod effort;
 mod features;
 mod folder;
 mod format;
 mod golden;
 mod held_out;
 mod learned;
+mod lens;
+mod networks;
 mod opinion;
 mod pool;
 mod sight;
@@ -25,22 +29,30 @@ mod trial;
 
 pub use add::{AddError, Forgotten};
 pub use card::{Addition, Card, Measurement};
+pub use choose::{Candidate, Choice, Tally, all_opinions, choose};
 pub use config::{BAG, CalibrationConfig, Config, PATTERNS, Sigmoids};
+pub use effort::Effort;
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
-    VerifiedFile, move_into_place, write_about,
+    VerifiedFile, move_into_place, networks_in, networks_of, write_about,
 };
 pub use format::{FORMAT_VERSION, FormatError};
 pub use golden::{GOLDEN_FOLDER, GoldenFrame};
-pub use opinion::{Classifier, MachinesConfig, OpinionConfig, PatternsConfig, Representation, Size};
+pub use lens::{DEFAULT_NETWORK, Lens};
+pub use networks::{
+    CarriedNetwork, Digest, MAX_NETWORK_BYTES, NETWORKS_FOLDER, NetworkEntry, NetworkStore, Networks,
+};
+pub use opinion::{
+    Classifier, MachinesConfig, OpinionConfig, PatternsConfig, Representation, Size, VectorConfig,
+};
 pub use sight::{LocalFeatures, Seen, Sight};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
 pub use trial::{Stage, TrialError, TriedModel, try_model};
 
 use crate::camera::Camera;
 use crate::filter::Transitions;
-use crate::image::Image;
+use crate::image::{Image, ImageError, Limits};
 use crate::svm::most_probable;
 use held_out::HeldOutFrames;
 use learned::LearnedFrames;
@@ -96,6 +108,7 @@ pub struct Model {
     learned: LearnedFrames,
     /// What the calibration rests on; nothing in files that do not say.
     held_out: HeldOutFrames,
+    networks: Networks,
     card: Card,
 }
 
@@ -135,6 +148,21 @@ impl Model {
         Self { card, ..self }
     }
 
+    /// The networks that it uses.
+    pub fn networks(&self) -> &Networks {
+        &self.networks
+    }
+
+    /// What its file says of them.
+    pub fn network_entries(&self) -> Vec<NetworkEntry> {
+        networks::entries(&self.networks)
+    }
+
+    /// The same model with these networks.
+    pub fn with_networks(self, networks: Networks) -> Self {
+        Self { networks, ..self }
+    }
+
     /// How robots move between its rooms.
     pub fn transitions(&self) -> &Transitions {
         &self.transitions
@@ -163,6 +191,21 @@ impl Model {
     /// wrong too often at any.
     pub fn known_probability(&self) -> Option<f32> {
         self.classification.known_probability
+    }
+
+    /// What sees in frames what its opinions look at.
+    pub fn extractor(&self) -> &Extractor {
+        &self.extractor
+    }
+
+    /// Whether it looks at the colors of frames.
+    pub fn wants_colors(&self) -> bool {
+        self.extractor.wants_colors()
+    }
+
+    /// Decodes a frame of unknown origin to what the model looks at, as [`Extractor::decode`] does.
+    pub fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+        self.extractor.decode(bytes, limits)
     }
 
     /// Which room a frame shows.

@@ -13,6 +13,7 @@
 //! | `record`, `change` | what is to serve, and what may be wanted instead |
 //! | `default` | which model answers requests that name none |
 //! | `folder`, `bucket`, `single` | the kinds of repositories |
+//! | `networks` | networks that several versions use, kept once |
 //! | `fingerprint` | whether files are those that they were |
 //! | `package` | a version as one body, to be uploaded; see there |
 
@@ -22,6 +23,7 @@ mod default;
 mod fingerprint;
 mod folder;
 mod name;
+mod networks;
 pub mod package;
 mod record;
 mod single;
@@ -147,6 +149,19 @@ pub enum RepositoryError {
         /// What is wrong.
         reason: String,
     },
+    /// A network that a version uses is not there.
+    #[error(
+        "{id} uses the network {network}, which is not in the bucket: put its file there as {path}, or delete {id} and \
+         push it again from its whole folder"
+    )]
+    NoNetwork {
+        /// The version.
+        id: VersionId,
+        /// What the model calls the network.
+        network: String,
+        /// Where the file belongs.
+        path: String,
+    },
     /// The disk said no.
     #[error("{path}: {source}")]
     Io {
@@ -221,6 +236,15 @@ impl Repository {
             Self::Single(single) => Err(single.read_only()),
             Self::Folder(folder) => folder.stage(),
             Self::Bucket(bucket) => bucket.stage(),
+        }
+    }
+
+    /// Gives the version in a staged folder those of its networks that it came without and the repository has.
+    pub fn complete(&self, staged: &Path) -> Result<(), RepositoryError> {
+        match self {
+            Self::Single(single) => Err(single.read_only()),
+            Self::Folder(folder) => folder.complete(staged),
+            Self::Bucket(bucket) => bucket.complete(staged),
         }
     }
 

@@ -12,6 +12,7 @@
     reason = "calling a function compiled for more than the baseline instruction set is unsafe"
 )]
 
+mod bytes;
 mod dct;
 mod dot;
 mod fast;
@@ -19,7 +20,9 @@ mod hessian;
 mod nearest;
 mod pattern;
 mod plane;
+mod project;
 
+pub use bytes::{ByteColumns, ByteRows, MAX_BYTES, Nearest};
 pub use dct::{BLOCKS, BlockGroup, inverse_dct};
 pub use dot::dot;
 pub use fast::fast_strengths;
@@ -29,6 +32,7 @@ pub use pattern::{
     CODE_BLOCK, COUNT_BLOCK, GRID_BLOCK, Grid, Taps, count_codes, interpolate_grid, mark_brighter,
 };
 pub use plane::{blur_columns, blur_row, gradients, mark_extrema};
+pub use project::LinearMap;
 
 /// Defines `$name` as `$kernel`, compiled for the widest vectors that the CPU has.
 macro_rules! dispatch {

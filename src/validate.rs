@@ -1,12 +1,18 @@
 //! How well a configuration does on a data set: trained on some frames, measured on others, over several
 //! splits and seeds.
 
+mod cost;
+mod teams;
+
+pub use cost::{Cost, median, timed};
+pub use teams::{Method, Team, Trained, teams};
+
 use crate::camera::Camera;
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::{self, Answer, Changes, Evaluation, Sighting, StreamAnswer};
 use crate::filter::{RoomFilter, Trust};
 use crate::folds::folds;
-use crate::model::{Config, Model, Recognition, Sample, TrainError};
+use crate::model::{Choice, Config, Model, Recognition, Sample, TrainError};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -48,15 +54,8 @@ pub fn rounds(samples: &[Sample], protocol: &Protocol, seed: u64) -> Vec<Round> 
             (0..samples.len()).map(|left_out| Round::new(samples.len(), |idx| idx == left_out)).collect()
         }
         Protocol::Random(n_train) => {
-            let mut order: Vec<usize> = (0..samples.len()).collect();
-            order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-            let mut n_drawn = vec![0; label.len()];
-            let mut trains = vec![false; samples.len()];
-            for idx in order {
-                n_drawn[labels[idx]] += 1;
-                trains[idx] = n_drawn[labels[idx]] <= n_train;
-            }
-            vec![Round::new(samples.len(), |idx| !trains[idx])]
+            let drawn: BTreeSet<usize> = draw(samples, n_train, seed).into_iter().collect();
+            vec![Round::new(samples.len(), |idx| !drawn.contains(&idx))]
         }
     };
     rounds
@@ -64,6 +63,20 @@ pub fn rounds(samples: &[Sample], protocol: &Protocol, seed: u64) -> Vec<Round> 
         .map(|round: Round| round.answerable(&labels))
         .filter(|round| !round.test.is_empty())
         .collect()
+}
+
+/// This many samples of each room, or all where there are fewer, drawn anew for each seed; in their order.
+pub fn draw(samples: &[Sample], n_of_room: usize, seed: u64) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..samples.len()).collect();
+    order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+    let mut n_drawn: BTreeMap<&str, usize> = BTreeMap::new();
+    order.retain(|&idx| {
+        let n_drawn = n_drawn.entry(&samples[idx].place).or_default();
+        *n_drawn += 1;
+        *n_drawn <= n_of_room
+    });
+    order.sort_unstable();
+    order
 }
 
 impl Round {
@@ -90,19 +103,28 @@ pub struct Answered {
     pub recognition: Recognition,
 }
 
-/// Trains and answers each round in turn; `on_round` is called after each.
+/// Trains and answers each round in turn: the answers of each team of `method`. `on_round` is called after each, with why
+/// something was preferred, if something was.
+///
+/// # Errors
+/// What cannot be trained.
 pub fn run(
     samples: &[Sample],
     rounds: &[Round],
+    method: &Method,
     (config, camera): (&Config, &Camera),
-    mut on_round: impl FnMut(),
-) -> Result<Vec<Answered>, TrainError> {
-    let mut answers = Vec::new();
+    mut on_round: impl FnMut(Option<Choice>),
+) -> Result<Vec<Vec<Answered>>, TrainError> {
+    let mut answers = vec![Vec::new(); method.names().len()];
     for round in rounds {
         let training: Vec<&Sample> = round.train.iter().map(|&idx| &samples[idx]).collect();
-        let model = Model::train(&training, config, camera.clone(), |_| ())?.model;
-        answers.extend(round.test.iter().map(|&sample_idx| answer(&model, samples, sample_idx)));
-        on_round();
+        let mut choice = None;
+        for trained in method.train(&training, (config, camera))? {
+            let of_team = round.test.iter().map(|&sample_idx| answer(&trained.model, samples, sample_idx));
+            answers[trained.team_idx].extend(of_team);
+            choice = choice.or(trained.choice);
+        }
+        on_round(choice);
     }
     Ok(answers)
 }
@@ -189,9 +211,10 @@ pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) 
 mod tests {
     use super::*;
     use crate::model::Features;
+    use std::sync::Arc;
 
     fn sample(place: &str, sequence: &str) -> Sample {
-        let features = Features { seen: Vec::new(), scale: 1.0 };
+        let features = Features { sights: Arc::default(), seen: Vec::new(), scale: 1.0 };
         Sample { place: place.to_owned(), sequence: sequence.to_owned(), name: String::new(), features }
     }
 

@@ -5,9 +5,11 @@ mod kmeans;
 mod pooling;
 mod vlad;
 
-pub use pooling::{Parts, Pooling};
+pub(crate) use kmeans::cluster;
+use pooling::Parts;
+pub use pooling::Pooling;
 
-use crate::camera::{CameraKind, Spot};
+use crate::camera::Spot;
 use crate::matrix::Matrix;
 use crate::simd::{self, UnitColumns, UnitRows};
 use rand::SeedableRng;
@@ -63,7 +65,7 @@ impl Config {
             return Err("max_descriptors must be at least n_words, and max_rounds at least 1".to_owned());
         }
         // No camera has more parts.
-        let n_parts = self.pooling.for_camera(CameraKind::Perspective).parts().n_parts();
+        let n_parts = self.pooling.parts(false).n_parts();
         let n_columns = n_parts * self.n_words * self.encoding.n_columns_a_word(n_dimensions);
         if n_columns > MAX_WORDS {
             return Err(format!(
@@ -151,20 +153,23 @@ pub struct Described<'a> {
 }
 
 impl Vocabulary {
-    /// Clusters descriptors by k-means, seeded by k-means++. The result depends on the seed alone, not on the
+    /// Clusters descriptors of frames by k-means, seeded by k-means++. The result depends on the seed alone, not on the
     /// number of threads.
-    pub fn train(descriptors: &[&Matrix], config: &Config, seed: u64) -> Result<Self, VocabularyError> {
+    pub fn train(frames: &[Described], config: &Config, seed: u64) -> Result<Self, VocabularyError> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let sample = draw(descriptors, config.max_descriptors, &mut random);
+        let descriptors: Vec<&Matrix> = frames.iter().map(|frame| frame.descriptors).collect();
+        let sample = draw(&descriptors, config.max_descriptors, &mut random);
         let centers = kmeans::cluster(&sample, config.n_words, config.max_rounds, &mut random)?;
-        Ok(Self::new(centers, config))
+        let sees_all_around = frames.iter().flat_map(|frame| frame.spots).any(|spot| spot.across.is_none());
+        Ok(Self::new(centers, config, sees_all_around))
     }
 
-    /// A vocabulary of these centers, one a row. As means of descriptors, none is longer than 1.
-    pub fn new(centers: Matrix, config: &Config) -> Self {
+    /// A vocabulary of these centers, one a row. As means of descriptors, none is longer than 1. Frames are of a camera
+    /// that does or does not see all around.
+    pub fn new(centers: Matrix, config: &Config, sees_all_around: bool) -> Self {
         let columns = UnitColumns::new(&centers);
         let Config { normalization, encoding, pooling, .. } = *config;
-        Self { centers, columns, normalization, encoding, parts: pooling.parts() }
+        Self { centers, columns, normalization, encoding, parts: pooling.parts(sees_all_around) }
     }
 
     /// The centers, one a row.
@@ -257,7 +262,7 @@ mod tests {
 
     fn vocabulary(config: &Config) -> Vocabulary {
         let centers = Matrix::from_vec(vec![0.0, 0.0, 1.0, 0.0, 0.0, 1.0], 2).unwrap();
-        Vocabulary::new(centers, config)
+        Vocabulary::new(centers, config, false)
     }
 
     fn of(normalization: Normalization) -> Vocabulary {
@@ -270,7 +275,7 @@ mod tests {
     }
 
     fn spots() -> [Spot; 4] {
-        let spot = |across| Spot { across, down: 0.2 };
+        let spot = |across| Spot { across: Some(across), down: 0.2 };
         [spot(0.1), spot(0.2), spot(0.3), spot(0.9)]
     }
 

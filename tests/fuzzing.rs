@@ -12,13 +12,15 @@ use rand::{Rng, SeedableRng};
 use roomsight::camera::{Camera, Projection};
 use roomsight::image::Image;
 use roomsight::model::{
-    Classifier, Config, Extractor, GoldenFrame, Model, PatternsConfig, Representation, Sample, Scratch,
+    CarriedNetwork, Classifier, Config, Extractor, GoldenFrame, Model, Networks, PatternsConfig,
+    Representation, Sample, Scratch,
 };
 use roomsight::repository::package;
 use roomsight::{boost, svm, vocabulary};
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 struct Target {
     name: &'static str,
@@ -135,6 +137,11 @@ fn joined(parts: &[&[u8]]) -> Vec<u8> {
 
 fn archives() -> Vec<Vec<u8>> {
     let place = tempfile::tempdir().unwrap();
+    let network = CarriedNetwork::new(b"passes for a network".to_vec(), b"size = [224, 224]".to_vec());
+    let mut models = trained();
+    if let Some(last) = models.pop() {
+        models.push(last.with_networks(Networks::from([("lite0".to_owned(), Arc::new(network))])));
+    }
     let pack = |(idx, model): (usize, Model)| {
         let folder = place.path().join(idx.to_string());
         let bytes = b"P5 2 2 255 0000".to_vec();
@@ -145,7 +152,7 @@ fn archives() -> Vec<Vec<u8>> {
         package::pack(&folder, &mut tar).unwrap();
         tar
     };
-    trained().into_iter().enumerate().map(pack).collect()
+    models.into_iter().enumerate().map(pack).collect()
 }
 
 fn lists() -> Vec<Vec<u8>> {

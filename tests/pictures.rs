@@ -1,4 +1,4 @@
-//! Pictures of every kind give the luma that Pillow reads in them.
+//! Pictures of every kind give the luma and the colors that Pillow reads in them.
 //!
 //! `tests/pictures/matrix.py` makes the pictures, `make test-python` runs both.
 
@@ -10,11 +10,15 @@ use std::path::PathBuf;
 /// How far the luma of a pixel may be from Pillow's.
 const TOLERANCE: u8 = 2;
 
+/// How far a color may be, and how far on average: Pillow rounds otherwise where luma is added to chroma.
+const COLOR_TOLERANCE: u8 = 4;
+const MEAN_COLOR_TOLERANCE: f64 = 0.5;
+
 /// A matrix of fewer pictures was not written whole.
 const MIN_PICTURES: usize = 2000;
 
 #[test]
-fn pictures_give_the_luma_that_pillow_reads() {
+fn pictures_give_the_luma_and_the_colors_that_pillow_reads() {
     let Some(folder) = env::var_os("ROOMSIGHT_PICTURES").map(PathBuf::from) else {
         eprintln!(
             "LEFT OUT: the pictures to compare are made by tests/pictures/matrix.py, see `make test-python`"
@@ -35,21 +39,37 @@ fn pictures_give_the_luma_that_pillow_reads() {
     assert!(wrong.is_empty(), "{} of {n_pictures}:\n{}", wrong.len(), wrong.join("\n"));
 }
 
-/// Width and height as 32-bit numbers, then the pixels: what `matrix.py` writes.
+/// Width and height as 32-bit numbers, the luma, and then the colors, if any: what `matrix.py` writes.
 fn compare(picture: &[u8], expected: &[u8]) -> Result<(), String> {
     let (sides, pixels) = expected.split_at(8);
     let &[width, height] = sides.as_chunks::<4>().0 else { return Err("its luma is too short".into()) };
     let [width, height] = [width, height].map(|side| u32::from_le_bytes(side) as usize);
-    let image = Image::decode(picture, &Limits::default()).map_err(|error| error.to_string())?;
+    let image = Image::decode_with_colors(picture, &Limits::default()).map_err(|error| error.to_string())?;
     if (image.width(), image.height()) != (width, height) {
         return Err(format!("{} x {} instead of {width} x {height}", image.width(), image.height()));
     }
     if image.damaged_rows() > 0 {
         return Err(format!("{} rows are taken to be damaged", image.damaged_rows()));
     }
-    let differences = image.pixels().iter().zip(pixels).map(|(&ours, &theirs)| ours.abs_diff(theirs));
-    match differences.max() {
-        Some(largest) if largest > TOLERANCE => Err(format!("a pixel is {largest} off")),
-        _ => Ok(()),
+    let (luma, colors) = pixels.split_at(width * height);
+    let (largest, _) = differences(image.pixels(), luma);
+    if largest > TOLERANCE {
+        return Err(format!("a pixel is {largest} off"));
     }
+    // Pillow knows gray from colored where this crate does not, and the other way round.
+    let gray = |luma: &[u8]| luma.iter().flat_map(|&luma| [luma; 3]).collect::<Vec<u8>>();
+    let ours = image.colors().map_or_else(|| gray(image.pixels()), <[u8]>::to_vec);
+    let theirs = if colors.is_empty() { gray(luma) } else { colors.to_vec() };
+    if ours.len() != theirs.len() {
+        return Err(format!("{} colors instead of {}", ours.len(), theirs.len()));
+    }
+    let (largest, mean) = differences(&ours, &theirs);
+    let is_near = largest <= COLOR_TOLERANCE && mean <= MEAN_COLOR_TOLERANCE;
+    is_near.then_some(()).ok_or_else(|| format!("a color is {largest} off, {mean} on average"))
+}
+
+/// The largest difference and the mean one.
+fn differences(ours: &[u8], theirs: &[u8]) -> (u8, f64) {
+    let each = || ours.iter().zip(theirs).map(|(&ours, &theirs)| ours.abs_diff(theirs));
+    (each().max().unwrap_or(0), each().map(f64::from).sum::<f64>() / ours.len() as f64)
 }

@@ -12,7 +12,7 @@ use roomsight::camera::{Camera, Projection};
 use roomsight::dataset;
 use roomsight::filter::{RoomFilter, Step, Transitions, Trust};
 use roomsight::image::{Image, Limits};
-use roomsight::model::{self, Config, Model, Scratch, try_model};
+use roomsight::model::{self, Config, Model, NetworkStore, Scratch, try_model};
 use roomsight::protocol::header::Header;
 use roomsight::protocol::oip::request::Inference;
 use roomsight::protocol::oip::{IndexRequest, LoadRequest};
@@ -31,7 +31,15 @@ fn limits() -> Limits {
 
 /// A frame of any format: an image within the limits, or a refusal.
 pub fn pictures(bytes: &[u8]) {
-    let Ok(image) = Image::decode(bytes, &limits()) else { return };
+    let colored = Image::decode_with_colors(bytes, &limits());
+    let plain = Image::decode(bytes, &limits());
+    assert_eq!(colored.as_ref().err(), plain.as_ref().err(), "colors decide nothing");
+    let (Ok(image), Ok(colored)) = (plain, colored) else { return };
+    assert!(image.colors().is_none());
+    assert_eq!(image.pixels(), colored.pixels());
+    assert_eq!((image.width(), image.reduction()), (colored.width(), colored.reduction()));
+    assert_eq!((image.damaged_rows(), image.visible()), (colored.damaged_rows(), colored.visible()));
+    assert!(colored.colors().is_none_or(|colors| colors.len() == 3 * image.pixels().len()));
     assert!(image.width() <= 2048 && image.height() <= 2048);
     assert_eq!(image.pixels().len(), image.width() * image.height());
     assert!(image.pixels().len() <= 1 << 20);
@@ -89,16 +97,18 @@ fn check_upload(body: &[u8]) {
         max_entries: 16,
         max_bytes: 4 << 20,
         max_model_bytes: 1 << 20,
+        max_network_bytes: 1 << 20,
         max_side_file_bytes: 1 << 18,
     };
     let unpacked = package::unpack(&file, &into, &limits);
     assert_eq!(names(place.path()), ["body", "into"]);
     for name in names(&into) {
-        assert!([model::MODEL_FILE, model::ABOUT_FILE, model::GOLDEN_FOLDER].contains(&&*name), "{name}");
+        let parts = [model::MODEL_FILE, model::ABOUT_FILE, model::GOLDEN_FOLDER, model::NETWORKS_FOLDER];
+        assert!(parts.contains(&&*name), "{name}");
     }
     if unpacked.is_ok() {
         make_digest_right(&into);
-        if let Ok(tried) = try_model(&into, |_| ()) {
+        if let Ok(tried) = try_model(&into, &NetworkStore::default(), |_| ()) {
             check_answer(&tried.loaded.model);
         }
     }

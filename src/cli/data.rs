@@ -4,7 +4,10 @@ use super::output;
 use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::dataset::{self, Dataset, Described, Problem};
 use crate::image::{Image, Limits};
-use crate::model::{BAG, Config, Extractor, LoadedModel, Model, PATTERNS};
+use crate::model::{
+    BAG, Candidate, CarriedNetwork, Config, Effort, Extractor, LoadedModel, Model, Networks, PATTERNS,
+};
+use crate::network::Runtime;
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
@@ -12,6 +15,7 @@ use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// Kinds of problems that get a line each; more are counted.
 const N_LISTED_KINDS: usize = 10;
@@ -27,6 +31,9 @@ const MEMORY_PER_PIXEL: u64 = 10;
 
 /// The table of opinions in a configuration.
 const OPINIONS: &str = "opinions";
+
+/// What a cue is called that is an opinion on patterns.
+const FRAME_LBP: &str = "frame_lbp";
 
 /// Tables whose keys are names that people choose.
 const BY_NAME: [&str; 2] = [OPINIONS, "weights"];
@@ -119,13 +126,23 @@ impl DataArgs {
 /// Parameters of a model.
 #[derive(Args)]
 pub(super) struct ConfigArgs {
-    /// Configuration of the model, as TOML [default: the measured defaults]
+    /// How much may be spent on a frame, where no parameters are given: among a few combinations of opinions the one is
+    /// taken that answers held-out frames best
+    #[arg(long, value_enum, default_value = "balanced", conflicts_with_all = ["config", "parameters"])]
+    effort: EffortName,
+    /// Configuration of the model, as TOML [default: what --effort chooses]
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// One parameter, such as representation.n_words=1000 or detector.threshold.fixed=20; give it as often
     /// as needed (`inspect` lists the parameters of a model)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     parameters: Vec<String>,
+    /// Take these opinions of the configuration only
+    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
+    opinions: Vec<String>,
+    /// Folder of the networks that opinions look through: NAME.onnx with NAME.toml, and ONNX Runtime's library
+    #[arg(long, value_name = "FOLDER", default_value = "networks")]
+    networks: PathBuf,
     /// Picture whose dark pixels are parts of the robot that are always in view; it may have any size
     #[arg(long, value_name = "PICTURE")]
     mask: Option<PathBuf>,
@@ -157,7 +174,74 @@ impl FoldArgs {
     }
 }
 
+/// How much may be spent on a frame, on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum EffortName {
+    /// A few milliseconds
+    Fast,
+    /// Some ten milliseconds
+    Balanced,
+    /// What answers best
+    Best,
+}
+
+impl From<EffortName> for Effort {
+    fn from(name: EffortName) -> Self {
+        match name {
+            EffortName::Fast => Self::Fast,
+            EffortName::Balanced => Self::Balanced,
+            EffortName::Best => Self::Best,
+        }
+    }
+}
+
 impl ConfigArgs {
+    /// What is chosen among: what is configured, or else the candidates of the effort.
+    pub(super) fn candidates(&self) -> anyhow::Result<Vec<Candidate>> {
+        if self.config.is_some() || !self.parameters.is_empty() {
+            return Ok(vec![Candidate { name: "as configured".to_owned(), config: self.read()? }]);
+        }
+        let mut candidates = Effort::from(self.effort).candidates(0);
+        for candidate in &mut candidates {
+            candidate.config = self.with_wanted_opinions(candidate.config.clone());
+        }
+        candidates.retain(|candidate| !candidate.config.opinions.is_empty());
+        candidates.dedup_by(|later, earlier| later.config == earlier.config);
+        if candidates.is_empty() {
+            bail!("no candidate has an opinion called {}: see --help", self.opinions.join(" or "));
+        }
+        Ok(candidates)
+    }
+
+    /// Gives a configuration the networks that it names.
+    fn link(&self, config: &mut Config) -> anyhow::Result<()> {
+        let names = config.network_names();
+        if names.is_empty() {
+            return Ok(());
+        }
+        Runtime::look_into(self.networks.clone());
+        let mut networks = Networks::new();
+        for name in names {
+            let path = self.networks.join(format!("{name}.onnx"));
+            if !path.is_file() {
+                bail!(
+                    "the network {name} is not in {}: run `make networks`, which fetches it, or name the folder \
+                     where it is with --networks",
+                    self.networks.display()
+                );
+            }
+            networks.insert(name, Arc::new(CarriedNetwork::read(&path)?));
+        }
+        config.link(&networks).map_err(anyhow::Error::msg)
+    }
+
+    fn with_wanted_opinions(&self, config: Config) -> Config {
+        if self.opinions.is_empty() {
+            return config;
+        }
+        config.with_opinions(|name| self.opinions.iter().any(|wanted| wanted == name))
+    }
+
     /// The file, changed by the single parameters.
     pub(super) fn read(&self) -> anyhow::Result<Config> {
         self.read_with(&[])
@@ -180,7 +264,11 @@ impl ConfigArgs {
             // Another variant brings its own parameters, which the next change may name.
             table = toml::Table::try_from(table.try_into::<Config>()?)?;
         }
-        let config: Config = table.try_into()?;
+        let mut config = self.with_wanted_opinions(table.try_into()?);
+        self.link(&mut config)?;
+        if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
+            bail!("the configuration has no opinion called {name}");
+        }
         config.check().map_err(anyhow::Error::msg)?;
         Ok(config)
     }
@@ -188,7 +276,14 @@ impl ConfigArgs {
     /// Single parameters alone.
     #[cfg(test)]
     pub(super) fn of_parameters(parameters: &[String]) -> Self {
-        Self { config: None, parameters: parameters.to_vec(), mask: None }
+        Self {
+            effort: EffortName::Balanced,
+            config: None,
+            parameters: parameters.to_vec(),
+            opinions: Vec::new(),
+            networks: PathBuf::from("networks"),
+            mask: None,
+        }
     }
 
     /// The camera of checked frames; the mirror of an omnidirectional one is found in them.
@@ -209,8 +304,17 @@ impl ConfigArgs {
     }
 }
 
-/// Reads an image file within limits.
-pub(super) fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> {
+/// Reads an image file within limits: its luma.
+fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> {
+    Image::decode(&read_encoded(path, limits)?, limits).with_context(|| path.display().to_string())
+}
+
+/// Reads a frame within limits, as far as `extractor` looks at it.
+pub(super) fn read_frame(path: &Path, extractor: &Extractor, limits: &Limits) -> anyhow::Result<Image> {
+    extractor.decode(&read_encoded(path, limits)?, limits).with_context(|| path.display().to_string())
+}
+
+fn read_encoded(path: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
     if path.is_dir() {
         bail!("{} is a folder, not an image: name the files in it", path.display());
     }
@@ -219,7 +323,7 @@ pub(super) fn read_image(path: &Path, limits: &Limits) -> anyhow::Result<Image> 
         // One byte more than is taken, so that a longer file is refused and not cut.
         .and_then(|file| file.take(limits.max_bytes as u64 + 1).read_to_end(&mut bytes))
         .with_context(|| path.display().to_string())?;
-    Image::decode(&bytes, limits).with_context(|| path.display().to_string())
+    Ok(bytes)
 }
 
 /// Loads the model in a folder.
@@ -334,13 +438,18 @@ fn spelled_out(mut table: toml::Table) -> anyhow::Result<toml::Table> {
     }
     if let Some(cue) = table.remove("cue") {
         let mut patterns: toml::Table = cue.try_into()?;
-        if let Some(weight) = patterns.remove("weight") {
+        let kind = patterns.remove("kind");
+        if let Some(kind) = kind.as_ref().filter(|kind| kind.as_str() != Some(FRAME_LBP)) {
+            bail!("cue.kind is {kind}: the only one is {FRAME_LBP}");
+        }
+        // One that is chosen is heard as much as the bag, unless it is said how much.
+        let usual = kind.map(|_| toml::Value::Float(0.5));
+        if let Some(weight) = patterns.remove("weight").or(usual) {
             let weight: f64 = weight.try_into()?;
             let weights = [(BAG, 1.0 - weight), (PATTERNS, weight)];
             let weights = weights.map(|(name, weight)| (name.to_owned(), weight.into()));
             table.insert("weights".to_owned(), toml::Table::from_iter(weights).into());
         }
-        patterns.remove("kind");
         patterns.insert("kind".to_owned(), PATTERNS.into());
         opinions.insert(PATTERNS.to_owned(), patterns.into());
     }

@@ -4,7 +4,7 @@ use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
 use crate::camera::{Camera, CameraKind, Projection};
 use crate::image::{Image, Limits};
-use crate::model::{Extractor, Features, LoadedModel, Scratch, Seen, Sight, Size};
+use crate::model::{Extractor, Features, LoadedModel, NetworkEntry, Scratch, Seen, Sight, Size};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
@@ -54,7 +54,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
         let about = serde_json::json!({
             "digest": digest, "places": model.places(), "camera": model.camera().projection,
             "opinions": model.sizes(), "weights": model.weights(), "known_probability": model.known_probability(),
-            "card": card, "config": model.config(),
+            "networks": model.network_entries(), "card": card, "config": model.config(),
         });
         say!("{}", serde_json::to_string_pretty(&about)?)?;
         return Ok(());
@@ -70,6 +70,10 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     add("known from probability", known_probability.unwrap_or_else(|| "never".to_owned()));
     for (name, size) in model.sizes() {
         add(&format!("opinion {name}"), format!("counts {:.2}; {}", model.weights()[name], size_text(&size)));
+    }
+    for NetworkEntry { name, blake3, n_bytes, .. } in model.network_entries() {
+        let megabytes = n_bytes as f64 / 1e6;
+        add("network", format!("{name}, {megabytes:.1} MB, digest {blake3}"));
     }
     add("digest", digest.clone());
     say!("{table}\n\n{}", toml::to_string(model.config())?)?;
@@ -104,8 +108,9 @@ fn draw(args: &InspectArgs, path: &Path) -> anyhow::Result<()> {
         }
         None => (args.config.read()?, Camera::new(projection(args.camera.into())?)),
     };
-    let image = data::read_image(path, &Limits::default().enough_for(config.longest_side))?;
-    let features = Extractor::new(&config, camera.clone()).extract(&image, &mut Scratch::default());
+    let extractor = Extractor::new(&config, camera.clone());
+    let image = data::read_frame(path, &extractor, &Limits::default())?;
+    let features = extractor.extract(&image, &mut Scratch::default());
     let working = image.shrink_to(config.longest_side).unwrap_or(image);
     let picture = picture(&working, &camera, &config.sights(), &features);
     let here = || path.with_extension("inspect.png").file_name().map(PathBuf::from).unwrap_or_default();

@@ -76,6 +76,15 @@ pub fn card_rows(card: &Card) -> Vec<(&'static str, String)> {
     }
     let simulated = if card.simulated { ", simulated" } else { "" };
     rows.push(("trained on", format!("{} frames{simulated}: {}", card.n_frames, card.sequences.join(", "))));
+    if let Some(choice) = &card.choice {
+        let tried: Vec<String> = choice
+            .tallies
+            .iter()
+            .map(|tally| format!("{} {}/{}", tally.name, tally.n_right, tally.n_frames))
+            .collect();
+        let why = format!("{}: right on held-out frames: {}", choice.tally().name, tried.join(", "));
+        rows.push(("chosen", why));
+    }
     for Addition { sequence, n_frames, forget, n_before, n_left } in &card.additions {
         let trade = format!("kept {n_before} before, {n_left} since, at --forget {forget}");
         rows.push(("added later", format!("{n_frames} frames: {sequence} ({trade})")));

@@ -40,12 +40,12 @@ struct Line<'a> {
 /// Answers every frame that can be read; fails at the end when one could not.
 pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
     let model = data::load_model(&args.model)?.model;
-    let limits = args.limits.limits().enough_for(model.config().longest_side);
+    let limits = args.limits.limits();
     let mut scratch = Scratch::default();
     let mut table = output::table(["frame", "room", "probability", "known", "keypoints", "others"]);
     let mut n_failed = 0;
     for path in &args.frames {
-        let recognition = match data::read_image(path, &limits) {
+        let recognition = match data::read_frame(path, model.extractor(), &limits) {
             Ok(image) => {
                 if image.damaged_rows() > 0 {
                     eprintln!("{}: {} rows are damaged or missing", path.display(), image.damaged_rows());

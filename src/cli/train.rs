@@ -7,13 +7,14 @@ use super::models::{self, CacheArgs, Local};
 use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Evaluation;
-use crate::image::{Image, Limits};
+use crate::image::Limits;
 use crate::model::{
-    Addition, Card, Extractor, GoldenFrame, HeldOut, Measurement, Model, Sample, Training, TrainingStep,
+    Addition, Card, Choice, Extractor, GoldenFrame, HeldOut, Measurement, Model, Sample, Training,
+    TrainingStep, Trials, all_opinions, choose,
 };
 use crate::repository::VersionId;
 use crate::validate::{self, Answered};
-use anyhow::bail;
+use anyhow::{Context, bail};
 use clap::Args;
 use not_held_out::NotHeldOut;
 use serde::Serialize;
@@ -43,9 +44,12 @@ const DEFAULT_FORGET: f64 = 0.7;
 /// model trained without it. These answers calibrate the probabilities and give the rates that are
 /// printed. The model itself is trained on all frames.
 ///
+/// Which opinions the model has is chosen among a few combinations by the same answers (--effort), unless
+/// parameters are given.
+///
 /// With --add, a trained model learns the frames in addition, sequence by sequence, each answered before
-/// it is learned. The model must have the classifier kernel_svm: of the frames learned before it keeps
-/// only the support vectors.
+/// it is learned. The frames of before are not needed: the model keeps what it takes to go on, unless it was
+/// configured to boost or to compare sets of descriptors.
 #[derive(Args)]
 pub(super) struct TrainArgs {
     #[command(flatten)]
@@ -65,9 +69,9 @@ pub(super) struct TrainArgs {
     #[command(flatten)]
     cache: CacheArgs,
     /// Add the frames to what this model has learned; its configuration, camera and words stay
-    #[arg(long, value_name = "MODEL", conflicts_with_all = ["config", "parameters", "mask", "camera"])]
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["config", "parameters", "opinions", "effort", "mask", "camera"])]
     add: Option<PathBuf>,
-    /// With --add: drop support vectors of which the others make up all but this share. 0 loses nothing,
+    /// With --add, of kernel machines: drop support vectors of which the others make up all but this share. 0 loses nothing,
     /// more makes a smaller and faster model that answers a little worse
     #[arg(long, value_name = "SHARE", requires = "add", default_value_t = DEFAULT_FORGET)]
     #[arg(value_parser = share, allow_negative_numbers = true)]
@@ -153,6 +157,9 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         say!()?;
     }
     output::print_evaluation(&evaluation)?;
+    if let Some(choice) = &card.choice {
+        say!("\n{}", choices(choice))?;
+    }
     if args.add.is_some() {
         say!("\n{}", additions(&card.additions))?;
     }
@@ -210,17 +217,24 @@ impl<'a> Destination<'a> {
 fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
     let dataset = args.data.open(None)?;
     dataset.check()?;
-    let config = args.config.read()?;
+    let candidates = args.config.candidates()?;
+    let config = all_opinions(&candidates).context("there is nothing to train")?;
     let limits = args.limits.limits();
     let camera = args.config.camera(&dataset, &limits)?;
     let described = data::describe_to_train(&dataset, &Extractor::new(&config, camera.clone()), &limits)?;
     let samples: Vec<&Sample> = described.samples.iter().collect();
-    let training = with_progress(|progress| Ok(Model::train(&samples, &config, camera, progress)?))?;
+    let mut choice = None;
+    let training = with_progress(|progress| {
+        let mut trials = Trials::run(&samples, &config, progress)?;
+        let chosen = choice.insert(choose(&trials, &candidates)?);
+        Ok(trials.finish(&candidates[chosen.chosen].config, camera)?)
+    })?;
     let sequences = sequences(&dataset);
     let held_out = if sequences.len() > 1 { "held-out sequences" } else { "held-out frames" };
     let card = Card {
         n_frames: described.samples.len(),
         sequences: sequences.into_iter().map(str::to_owned).collect(),
+        choice: choice.filter(|choice| choice.tallies.len() > 1),
         ..Card::default()
     };
     let training = Training { model: training.model.with_card(card), ..training };
@@ -286,6 +300,17 @@ fn additions(additions: &[Addition]) -> comfy_table::Table {
     table
 }
 
+/// How the candidates did on held-out frames.
+fn choices(choice: &Choice) -> comfy_table::Table {
+    let mut table = output::table(["tried", "opinions", "right", "of", ""]);
+    for (idx, tally) in choice.tallies.iter().enumerate() {
+        let mark = if idx == choice.chosen { "chosen" } else { "" };
+        let [n_right, n_frames] = [tally.n_right, tally.n_frames].map(|n| n.to_string());
+        table.add_row([tally.name.clone(), tally.opinions.join(", "), n_right, n_frames, mark.to_owned()]);
+    }
+    table
+}
+
 /// Reads a share of which something is left.
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share| (0.0..1.0).contains(share));
@@ -301,7 +326,7 @@ fn golden_frames(
     // Whoever loads the model reads its frames within the default limits: it must see what training saw.
     let looks_the_same = |bytes: &[u8]| {
         let size = |limits: Limits| {
-            let image = Image::decode(bytes, &limits.enough_for(model.config().longest_side)).ok()?;
+            let image = model.decode(bytes, &limits).ok()?;
             Some((image.width(), image.height()))
         };
         size(*limits) == size(Limits::default())

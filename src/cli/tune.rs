@@ -7,7 +7,7 @@ use crate::dataset::{Dataset, Described};
 use crate::evaluate::Summary;
 use crate::model::{Classifier, Config, Extractor, Representation, TrainError};
 use crate::svm::{InnerKernel, KernelConfig, KernelFunction, MatchConfig};
-use crate::validate::{self, Protocol};
+use crate::validate::{self, Method, Protocol};
 use anyhow::{Context, bail};
 use clap::Args;
 use serde::Serialize;
@@ -164,8 +164,11 @@ impl Tuner<'_> {
                 bail!("no room has sequences both to train and to answer: drive through the rooms again");
             }
             let seeded = Config { seed, ..config.clone() };
-            let answers = match validate::run(&described.samples, &rounds, (&seeded, &self.camera), || ()) {
-                Ok(answers) => answers,
+            let method = Method::of(&seeded);
+            let answers =
+                validate::run(&described.samples, &rounds, &method, (&seeded, &self.camera), |_| ());
+            let answers = match answers {
+                Ok(answers) => answers.concat(),
                 // The others may work.
                 Err(error) => return Ok(Tried::impossible(parameters, config, &error)),
             };

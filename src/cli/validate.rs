@@ -4,13 +4,18 @@ use super::data::{self, ConfigArgs, DataArgs, FoldArgs, LimitArgs};
 use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::{Evaluation, Summary};
-use crate::model::{Config, Extractor, Model, Sample};
-use crate::validate::{self, Answered, Protocol};
+use crate::image::Limits;
+use crate::model::{Config, Extractor, Sample, all_opinions};
+use crate::validate::{self, Answered, Cost, Method, Protocol, Trained};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
+use rayon::prelude::*;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io;
+
+/// Frames of each room that train where they are drawn at random.
+const DEFAULT_TRAIN_FRAMES: usize = 100;
 
 /// Measure a configuration: train on some frames, answer the others, for several seeds
 ///
@@ -25,9 +30,9 @@ pub(super) struct ValidateArgs {
     /// How to split [default: sequences, unless a split is given]
     #[arg(long, value_enum, conflicts_with_all = ["train", "train_split"])]
     protocol: Option<ProtocolName>,
-    /// With --protocol random: how many frames of each room train
-    #[arg(long, default_value_t = 100, value_name = "N", value_parser = data::at_least(1))]
-    train_frames: usize,
+    /// How many frames of each room train, drawn anew for each seed [default: 100 with --protocol random, else all]
+    #[arg(long, value_name = "N", value_parser = data::at_least(1))]
+    train_frames: Option<usize>,
     /// Train on sequences that match, such as '*cloudy1'
     #[arg(long, value_name = "PATTERNS", requires = "test")]
     train: Option<String>,
@@ -44,6 +49,9 @@ pub(super) struct ValidateArgs {
     folds: FoldArgs,
     #[command(flatten)]
     config: ConfigArgs,
+    /// Measure each opinion of the configuration alone, each pair, and all together, with what they cost
+    #[arg(long)]
+    each: bool,
     /// Print the rates as JSON
     #[arg(long)]
     json: bool,
@@ -66,17 +74,31 @@ struct Test {
     described: Described,
 }
 
-/// The rates of one test.
+/// What is trained: the configuration of all opinions, and models of all or of some of them.
+struct Trainee {
+    config: Config,
+    method: Method,
+}
+
+/// The rates of one test, of the models of one team of opinions.
 #[derive(Serialize)]
 struct Report {
     test: String,
     simulated: bool,
+    /// The opinions, joined by `+`, or how they were chosen.
+    opinions: String,
     /// Over the seeds, of the rates of all frames.
     rate: Option<Summary>,
     /// Over the seeds, of the mean of the rooms' rates.
     mean_by_place: Option<Summary>,
     /// Over the seeds, away from room borders.
     without_border: Option<Summary>,
+    /// What answering a frame takes, where that was measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cost: Option<Cost>,
+    /// How often each candidate was preferred.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    preferred: BTreeMap<String, usize>,
     /// One a seed.
     evaluations: Vec<Evaluation>,
 }
@@ -84,9 +106,9 @@ struct Report {
 /// Runs all seeds and prints mean, deviation and best.
 pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
     let dataset = args.data.open(None)?;
-    let config = args.config.read()?;
+    let trainee = args.trainee()?;
     let reports = match (&args.train, &args.train_split) {
-        (None, None) => vec![by_protocol(args, &config, &dataset)?],
+        (None, None) => by_protocol(args, &trainee, &dataset)?,
         (train, train_split) => {
             let take = |dataset: &Dataset, sequences: Option<&str>, split: Option<&str>| {
                 let dataset = dataset.clone();
@@ -104,7 +126,7 @@ pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
             if let Some(split) = &args.test_split {
                 tests.push((split.clone(), take(&dataset, None, Some(split))?));
             }
-            by_given_split(args, &config, &training, tests)?
+            by_given_split(args, &trainee, &training, tests)?
         }
     };
     if args.json {
@@ -115,11 +137,26 @@ pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn by_protocol(args: &ValidateArgs, config: &Config, dataset: &Dataset) -> anyhow::Result<Report> {
+impl ValidateArgs {
+    fn trainee(&self) -> anyhow::Result<Trainee> {
+        let candidates = self.config.candidates()?;
+        let config = all_opinions(&candidates).context("there is nothing to train")?;
+        let method =
+            if self.each { Method::Every(validate::teams(&config)) } else { Method::Preferred(candidates) };
+        Ok(Trainee { config, method })
+    }
+}
+
+fn by_protocol(args: &ValidateArgs, trainee: &Trainee, dataset: &Dataset) -> anyhow::Result<Vec<Report>> {
+    if args.train_frames.is_some() && !matches!(args.protocol, Some(ProtocolName::Random)) {
+        bail!("--train-frames draws frames for --protocol random, or of a given split");
+    }
     let (name, protocol) = match args.protocol {
         None | Some(ProtocolName::Sequences) => ("left-out sequences", Protocol::Sequences(args.folds.folds)),
         Some(ProtocolName::LeaveOneOut) => ("left-out frames", Protocol::LeaveOneOut),
-        Some(ProtocolName::Random) => ("random split", Protocol::Random(args.train_frames)),
+        Some(ProtocolName::Random) => {
+            ("random split", Protocol::Random(args.train_frames.unwrap_or(DEFAULT_TRAIN_FRAMES)))
+        }
     };
     dataset.check()?;
     if let Protocol::Sequences(_) = protocol {
@@ -127,26 +164,40 @@ fn by_protocol(args: &ValidateArgs, config: &Config, dataset: &Dataset) -> anyho
     }
     let limits = args.limits.limits();
     let camera = args.config.camera(dataset, &limits)?;
+    let Trainee { config, method } = trainee;
     let described = data::describe_to_train(dataset, &Extractor::new(config, camera.clone()), &limits)?;
     let rounds = |seed| validate::rounds(&described.samples, &protocol, seed);
     let bar = output::progress("training", args.folds.seeds as usize * rounds(0).len());
-    let mut evaluations = Vec::new();
+    let simulated = data::is_simulated(&args.data.data);
+    let mut reports = Report::none_yet(name, simulated, method);
     for seed in 0..args.folds.seeds {
         let config = Config { seed, ..config.clone() };
         let rounds = rounds(seed);
         if rounds.is_empty() {
             bail!("no room has frames both to train and to answer: there are too few sequences or frames");
         }
-        let answers = validate::run(&described.samples, &rounds, (&config, &camera), || bar.inc(1))?;
-        evaluations.push(validate::evaluate(dataset, &described, &answers));
+        let mut preferred = Vec::new();
+        let answers = validate::run(&described.samples, &rounds, method, (&config, &camera), |choice| {
+            preferred.extend(choice.map(|choice| choice.tally().name.clone()));
+            bar.inc(1);
+        })?;
+        for (report, answers) in reports.iter_mut().zip(answers) {
+            report.evaluations.push(validate::evaluate(dataset, &described, &answers));
+            preferred.iter().for_each(|name| *report.preferred.entry(name.clone()).or_default() += 1);
+        }
     }
     bar.finish_and_clear();
-    Ok(Report::new(name, data::is_simulated(&args.data.data), evaluations))
+    if args.each {
+        let samples: Vec<&Sample> = described.samples.iter().collect();
+        let models = method.train(&samples, (config, &camera))?;
+        measure(&mut reports, &models, (dataset, &limits))?;
+    }
+    Ok(reports.into_iter().map(Report::summed_up).collect())
 }
 
 fn by_given_split(
     args: &ValidateArgs,
-    config: &Config,
+    trainee: &Trainee,
     training: &Dataset,
     tests: Vec<(String, Dataset)>,
 ) -> anyhow::Result<Vec<Report>> {
@@ -162,6 +213,7 @@ fn by_given_split(
     }
     let limits = args.limits.limits();
     let camera = args.config.camera(training, &limits)?;
+    let Trainee { config, method } = trainee;
     let extractor = Extractor::new(config, camera.clone());
     let trained_on = data::describe_to_train(training, &extractor, &limits)?;
     let samples: Vec<&Sample> = trained_on.samples.iter().collect();
@@ -174,38 +226,81 @@ fn by_given_split(
         })
         .collect::<anyhow::Result<_>>()?;
     let bar = output::progress("training", args.folds.seeds as usize);
-    let mut evaluations: BTreeMap<usize, Vec<Evaluation>> = BTreeMap::new();
+    let simulated = data::is_simulated(&args.data.data);
+    let none_yet = |test: &Test| Report::none_yet(&test.name, simulated, method);
+    let mut by_test: Vec<Vec<Report>> = tests.iter().map(none_yet).collect();
     for seed in 0..args.folds.seeds {
         let config = Config { seed, ..config.clone() };
-        let model = Model::train(&samples, &config, camera.clone(), |_| ())?.model;
-        for (test_idx, test) in tests.iter().enumerate() {
-            let answers: Vec<Answered> = (0..test.described.samples.len())
-                .map(|sample_idx| validate::answer(&model, &test.described.samples, sample_idx))
-                .collect();
-            let evaluation = validate::evaluate(&test.dataset, &test.described, &answers);
-            evaluations.entry(test_idx).or_default().push(evaluation);
+        let drawn: Vec<&Sample> = match args.train_frames {
+            Some(n_of_room) => validate::draw(&trained_on.samples, n_of_room, seed)
+                .into_iter()
+                .map(|idx| samples[idx])
+                .collect(),
+            None => samples.clone(),
+        };
+        let models = method.train(&drawn, (&config, &camera))?;
+        for (test, reports) in tests.iter().zip(&mut by_test) {
+            for Trained { team_idx, model, choice } in &models {
+                let answer = |sample_idx| validate::answer(model, &test.described.samples, sample_idx);
+                let answers: Vec<Answered> =
+                    (0..test.described.samples.len()).into_par_iter().map(answer).collect();
+                let report = &mut reports[*team_idx];
+                report.evaluations.push(validate::evaluate(&test.dataset, &test.described, &answers));
+                if let Some(choice) = choice {
+                    *report.preferred.entry(choice.tally().name.clone()).or_default() += 1;
+                }
+            }
         }
         bar.inc(1);
+        if args.each && seed + 1 == args.folds.seeds {
+            for (test, reports) in tests.iter().zip(&mut by_test) {
+                measure(reports, &models, (&test.dataset, &limits))?;
+            }
+        }
     }
     bar.finish_and_clear();
-    let simulated = data::is_simulated(&args.data.data);
-    let report =
-        |(test, evaluations): (&Test, Vec<Evaluation>)| Report::new(&test.name, simulated, evaluations);
-    Ok(tests.iter().zip(evaluations.into_values()).map(report).collect())
+    Ok(by_test.into_iter().flatten().map(Report::summed_up).collect())
+}
+
+/// Times what each model does with some frames, on this thread.
+fn measure(
+    reports: &mut [Report],
+    models: &[Trained],
+    (dataset, limits): (&Dataset, &Limits),
+) -> anyhow::Result<()> {
+    for Trained { team_idx, model, .. } in models {
+        reports[*team_idx].cost = Some(Cost::measure(model, dataset, limits)?);
+    }
+    Ok(())
 }
 
 impl Report {
-    fn new(test: &str, simulated: bool, evaluations: Vec<Evaluation>) -> Self {
-        let summary = |value: fn(&Evaluation) -> Option<f64>| {
-            Summary::of(&evaluations.iter().filter_map(value).collect::<Vec<_>>())
-        };
-        Self {
+    /// One for each of a method's models, without any evaluation yet.
+    fn none_yet(test: &str, simulated: bool, method: &Method) -> Vec<Self> {
+        let report = |opinions: String| Self {
             test: test.to_owned(),
             simulated,
+            opinions,
+            rate: None,
+            mean_by_place: None,
+            without_border: None,
+            cost: None,
+            preferred: BTreeMap::new(),
+            evaluations: Vec::new(),
+        };
+        method.names().into_iter().map(report).collect()
+    }
+
+    /// With the summaries of its evaluations.
+    fn summed_up(self) -> Self {
+        let summary = |value: fn(&Evaluation) -> Option<f64>| {
+            Summary::of(&self.evaluations.iter().filter_map(value).collect::<Vec<_>>())
+        };
+        Self {
             rate: summary(|evaluation| evaluation.overall.rate),
             mean_by_place: summary(|evaluation| evaluation.mean_by_place),
             without_border: summary(|evaluation| evaluation.without_border.rate),
-            evaluations,
+            ..self
         }
     }
 }
@@ -214,13 +309,17 @@ fn print(reports: &[Report]) -> io::Result<()> {
     if reports.iter().any(|report| report.simulated) {
         say!("Simulated frames.\n")?;
     }
-    let mut table =
-        output::table(["answered", "frames", "seeds", "mean", "std", "best", "by room", "off borders"]);
+    let has_costs = reports.iter().any(|report| report.cost.is_some());
+    let mut header =
+        vec!["answered", "opinions", "frames", "seeds", "mean", "std", "best", "by room", "off borders"];
+    header.extend(has_costs.then_some(["see ms", "tell ms", "model MB"]).into_iter().flatten());
+    let mut table = output::table(header);
     let digits = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4}"));
     for report in reports {
         let n_frames = report.evaluations.first().map_or(0, |evaluation| evaluation.overall.n_frames);
-        table.add_row([
+        let mut row = vec![
             report.test.clone(),
+            report.opinions.clone(),
             n_frames.to_string(),
             report.evaluations.len().to_string(),
             digits(report.rate.map(|rate| rate.mean)),
@@ -228,13 +327,28 @@ fn print(reports: &[Report]) -> io::Result<()> {
             digits(report.rate.map(|rate| rate.best)),
             digits(report.mean_by_place.map(|rate| rate.mean)),
             digits(report.without_border.map(|rate| rate.mean)),
-        ]);
+        ];
+        if let Some(cost) = &report.cost {
+            row.extend([format!("{:.1}", cost.features_ms), format!("{:.1}", cost.classify_ms)]);
+            row.push(format!("{:.2}", cost.model_bytes as f64 / 1e6));
+        }
+        table.add_row(row);
     }
     say!("{table}")?;
-    for report in reports {
-        if let Some(first) = report.evaluations.first() {
-            say!("\n{}, seed 0:", report.test)?;
-            output::print_evaluation(first)?;
+    for report in reports.iter().filter(|report| !report.preferred.is_empty()) {
+        let times = report.preferred.iter().map(|(name, n_times)| format!("{name} {n_times} times"));
+        say!(
+            "\n{}: held-out training frames preferred {}",
+            report.test,
+            times.collect::<Vec<_>>().join(", ")
+        )?;
+    }
+    if reports.len() == 1 || !has_costs {
+        for report in reports {
+            if let Some(first) = report.evaluations.first() {
+                say!("\n{}, seed 0:", report.test)?;
+                output::print_evaluation(first)?;
+            }
         }
     }
     Ok(())

@@ -44,10 +44,9 @@ pub struct Copied {
 impl Dataset {
     /// Describes all frames in parallel, in a fixed order. `on_frame` is called after each.
     pub fn describe(&self, extractor: &Extractor, limits: &Limits, on_frame: impl Fn() + Sync) -> Described {
-        let limits = &limits.enough_for(extractor.longest_side());
         let describe = |scratch: &mut Scratch, frame: &super::Frame| {
             let described = frame.read_encoded(limits).and_then(|bytes| {
-                let image = frame.decode(&bytes, limits)?;
+                let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
                 let features = extractor.extract(&image, scratch);
                 let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
                 let sample = Sample { place, sequence, name: self.name_of(frame), features };

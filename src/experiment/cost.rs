@@ -1,11 +1,11 @@
 //! Time and memory: Lu, section 6.8. The only figures that differ from run to run, and so are never kept.
 
 use super::{Cost, Drive, ExperimentError, Occlusion};
-use crate::image::{Image, Limits};
+use crate::image::Limits;
 use crate::model::{BAG, Config, Extractor, Model, Sample, Scratch};
+use crate::validate::{median, timed};
 use std::env::consts::ARCH;
 use std::fs;
-use std::time::Instant;
 
 /// At most this many frames are timed, spread evenly over the drive.
 const MAX_FRAMES: usize = 100;
@@ -25,7 +25,7 @@ pub(super) fn measure([train, test]: [&Drive; 2], config: &Config) -> Result<Cos
     let limits = Limits::default();
     for frame in test.dataset.frames.iter().step_by(stride) {
         let Ok(bytes) = fs::read(&frame.path) else { continue };
-        let (image, decode_ms) = timed(|| Image::decode(&bytes, &limits));
+        let (image, decode_ms) = timed(|| extractor.decode(&bytes, &limits));
         let Ok(image) = image else { continue };
         let (features, features_ms) = timed(|| extractor.extract(&image, &mut scratch));
         let (_, classify_ms) = timed(|| model.classify(&features));
@@ -45,18 +45,6 @@ pub(super) fn measure([train, test]: [&Drive; 2], config: &Config) -> Result<Cos
         vocabulary: [bag.n_words.unwrap_or_default(), n_dimensions],
         n_support_vectors: bag.n_support_vectors,
     })
-}
-
-/// The result, and the milliseconds it took.
-fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
-    let start = Instant::now();
-    let result = work();
-    (result, start.elapsed().as_secs_f64() * 1000.0)
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or_default()
 }
 
 /// What the system calls its CPU; its architecture where it does not say.

@@ -1,20 +1,21 @@
-//! Untrusted bytes to luma. The only caller of image decoders.
+//! Untrusted bytes to luma and colors. The only caller of image decoders.
 
 use super::format::{self, Format};
 use super::{Gap, Image, ImageError, Limits, Region, jpeg, other};
 use image::metadata::Orientation;
-use image::{DynamicImage, GrayImage};
+use image::{DynamicImage, GrayImage, RgbImage};
 use std::panic::{UnwindSafe, catch_unwind};
 
-pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+/// Reads a frame of any format, with its colors or without.
+pub(super) fn decode(bytes: &[u8], limits: &Limits, with_colors: bool) -> Result<Image, ImageError> {
     if bytes.len() > limits.max_bytes {
         let n_bytes = bytes.len();
         return Err(ImageError::TooLarge(format!("{n_bytes} bytes; the limit is {}", limits.max_bytes)));
     }
     let format = format::guess(bytes)?;
     contained(|| match format {
-        Format::Jpeg => decode_jpeg(bytes, limits),
-        format => other::decode(bytes, format, limits),
+        Format::Jpeg => decode_jpeg(bytes, limits, with_colors),
+        format => other::decode(bytes, format, limits, with_colors),
     })
 }
 
@@ -23,10 +24,11 @@ fn contained(decode: impl FnOnce() -> Result<Image, ImageError> + UnwindSafe) ->
     catch_unwind(decode).unwrap_or(Err(ImageError::Broken))
 }
 
-fn decode_jpeg(bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
-    let picture = jpeg::decode(bytes, limits)?;
+fn decode_jpeg(bytes: &[u8], limits: &Limits, with_colors: bool) -> Result<Image, ImageError> {
+    let picture = jpeg::decode(bytes, limits, with_colors)?;
     let mut image = Image::from_pixels(picture.width, picture.height, picture.luma)
         .ok_or_else(|| damaged("missing pixels"))?;
+    image.colors = picture.colors;
     image.reduction = picture.reduction;
     image.gap = picture.gap;
     oriented(image, picture.orientation.unwrap_or(Orientation::NoTransforms))
@@ -62,13 +64,18 @@ pub(super) fn oriented(image: Image, orientation: Orientation) -> Result<Image, 
     }
     let size = [image.width, image.height];
     let (reduction, gap) = (image.reduction, image.gap);
-    let buffer = GrayImage::from_raw(image.width as u32, image.height as u32, image.pixels)
-        .ok_or_else(|| damaged("missing pixels"))?;
-    let mut turned = DynamicImage::ImageLuma8(buffer);
-    turned.apply_orientation(orientation);
-    let (width, height) = (turned.width() as usize, turned.height() as usize);
-    let mut image = Image::from_pixels(width, height, turned.into_luma8().into_raw())
-        .ok_or_else(|| damaged("missing pixels"))?;
+    let missing = || damaged("missing pixels");
+    let turned = |mut picture: DynamicImage| {
+        picture.apply_orientation(orientation);
+        picture
+    };
+    let [width, height] = size.map(|side| side as u32);
+    let colors = image.colors.map(|colors| RgbImage::from_raw(width, height, colors).ok_or_else(missing));
+    let colors = colors.transpose()?.map(|colors| turned(colors.into()).into_rgb8().into_raw());
+    let pixels = turned(GrayImage::from_raw(width, height, image.pixels).ok_or_else(missing)?.into());
+    let (width, height) = (pixels.width() as usize, pixels.height() as usize);
+    let mut image = Image::from_pixels(width, height, pixels.into_luma8().into_raw()).ok_or_else(missing)?;
+    image.colors = colors;
     image.reduction = reduction;
     image.gap = gap.map(|gap| Gap { visible: turned_region(gap.visible, size, orientation), ..gap });
     Ok(image)
@@ -148,12 +155,54 @@ mod tests {
     }
 
     #[test]
+    fn every_format_gives_the_same_colors() {
+        let reference = picture(40, 24);
+        for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP, ImageFormat::Bmp] {
+            let bytes = encoded(format);
+            let image = Image::decode_with_colors(&bytes, &Limits::default()).unwrap();
+            let differences = image.colors().unwrap().iter().zip(reference.as_raw());
+            let largest = differences.map(|(&a, &b)| a.abs_diff(b)).max().unwrap();
+            assert!(largest <= if format == ImageFormat::Jpeg { 12 } else { 0 }, "{format:?}: {largest}");
+            let plain = Image::decode(&bytes, &Limits::default()).unwrap();
+            assert_eq!(Image { colors: None, ..image }, plain);
+        }
+        let gray = Image::decode_with_colors(&encoded(ImageFormat::Pnm), &Limits::default()).unwrap();
+        assert_eq!(gray.colors(), None);
+        assert_eq!(gray.clone().with_colors(vec![0; 3]), None);
+        // Decoded samples and luma, but no colors beside them.
+        let limits = Limits { max_memory: 40 * 24 * 4, ..Limits::default() };
+        assert_eq!(Image::decode_with_colors(&encoded(ImageFormat::Png), &limits).unwrap().colors(), None);
+    }
+
+    #[test]
+    fn samples_of_every_depth_have_colors() {
+        let reference = DynamicImage::ImageRgb8(picture(40, 24));
+        for picture in [
+            DynamicImage::from(reference.to_rgba8()),
+            DynamicImage::from(reference.to_rgb16()),
+            DynamicImage::from(reference.to_rgba16()),
+        ] {
+            let mut bytes = Vec::new();
+            picture.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png).unwrap();
+            let image = Image::decode_with_colors(&bytes, &Limits::default()).unwrap();
+            assert_eq!(image.colors(), Some(reference.as_bytes()), "{:?}", picture.color());
+        }
+    }
+
+    #[test]
     fn exif_orientation_is_applied() {
         let upright = Image::decode(&jpeg_with_orientation(1), &Limits::default()).unwrap();
         let turned = Image::decode(&jpeg_with_orientation(6), &Limits::default()).unwrap();
         assert_eq!((turned.width(), turned.height()), (24, 40));
         for (x, y) in [(0, 0), (39, 0), (7, 23)] {
             assert_eq!(turned.row(x)[23 - y], upright.row(y)[x]);
+        }
+        let colors = |orientation: u8| {
+            let bytes = jpeg_with_orientation(orientation);
+            Image::decode_with_colors(&bytes, &Limits::default()).unwrap().colors().unwrap().to_vec()
+        };
+        for (x, y) in [(0, 0), (39, 0), (7, 23)] {
+            assert_eq!(colors(6)[3 * (24 * x + 23 - y)..][..3], colors(1)[3 * (40 * y + x)..][..3]);
         }
     }
 

@@ -1,4 +1,5 @@
-//! JPEG straight to luma: planes that do not count are neither transformed nor kept.
+//! JPEG straight to luma: planes that do not count are neither transformed nor kept. They count where colors are
+//! asked for; the luma is the same.
 //!
 //! It reads what cameras send: sequential and progressive frames of 8 bits, in one scan or a scan a
 //! component, in any sampling, with and without Huffman tables of their own. The numbers are those of
@@ -20,6 +21,7 @@ use blocks::ZIGZAG;
 use frame::{Component, Frame, RowState};
 use huffman::{Class, Table};
 use image::metadata::Orientation;
+use samples::Pixels;
 use scan::{Part, Pass, Scan};
 use std::array;
 
@@ -40,6 +42,8 @@ pub(super) struct Picture {
     pub height: usize,
     /// The luma, row after row.
     pub luma: Vec<u8>,
+    /// Red, green and blue of each pixel, if asked for and there.
+    pub colors: Option<Vec<u8>>,
     /// Pixels of the frame for one that was read, along a side: 1, 2, 4 or 8.
     pub reduction: usize,
     /// What is missing.
@@ -62,6 +66,7 @@ enum Colors {
 struct Reader<'a> {
     bytes: &'a [u8],
     position: usize,
+    with_colors: bool,
     quantization: [Option<[i32; 64]>; 4],
     dc: [Option<Table>; 4],
     ac: [Option<Table>; 4],
@@ -72,6 +77,8 @@ struct Reader<'a> {
     in_exif: Option<Orientation>,
     in_xmp: Option<Orientation>,
     frame: Option<Frame>,
+    /// What the components of the frame make, from its first scan on.
+    colors: Colors,
     side: usize,
     n_scans: usize,
     /// Whether the marker of the end came.
@@ -80,10 +87,13 @@ struct Reader<'a> {
 
 /// Reads a JPEG. One that is beyond the limits on pixels or memory is read at a half, a quarter or an eighth
 /// of its size, as long as its longest side stays above [`Limits::enough_side`].
-pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Picture, ImageError> {
+///
+/// Whether colors are wanted changes nothing else: what is wrong with them alone costs them alone.
+pub(super) fn decode(bytes: &[u8], limits: &Limits, with_colors: bool) -> Result<Picture, ImageError> {
     let mut reader = Reader {
         bytes,
         position: 0,
+        with_colors,
         quantization: [None; 4],
         dc: array::from_fn(|_| None),
         ac: array::from_fn(|_| None),
@@ -93,18 +103,27 @@ pub(super) fn decode(bytes: &[u8], limits: &Limits) -> Result<Picture, ImageErro
         in_exif: None,
         in_xmp: None,
         frame: None,
+        colors: Colors::Gray,
         side: 8,
         n_scans: 0,
         has_ended: false,
     };
-    while !reader.is_complete() && reader.read_marker(limits)? {}
+    while !reader.is_complete(|component| component.is_wanted) {
+        let has_luma = reader.is_complete(Component::is_needed);
+        match reader.read_marker(limits) {
+            Ok(true) => {}
+            Ok(false) => break,
+            Err(_) if has_luma => break,
+            Err(error) => return Err(error),
+        }
+    }
     reader.finish()
 }
 
 impl<'a> Reader<'a> {
-    /// Whether all that is wanted of a sequential frame was read: what follows is of no interest.
-    fn is_complete(&self) -> bool {
-        let is_read = |component: &Component| component.was_sent || !component.is_wanted;
+    /// Whether all that counts of a sequential frame was read: what follows is of no interest.
+    fn is_complete(&self, counts: impl Fn(&Component) -> bool) -> bool {
+        let is_read = |component: &Component| component.was_sent || !counts(component);
         self.frame.as_ref().is_some_and(|frame| !frame.is_progressive && frame.components.iter().all(is_read))
     }
 
@@ -140,7 +159,8 @@ impl<'a> Reader<'a> {
             }
             0xDA => self.scan(segment, limits)?,
             0xE0 => self.is_jfif |= segment.starts_with(b"JFIF\0"),
-            0xE1 => {
+            // Nothing but colors is read behind the luma.
+            0xE1 if !self.is_complete(Component::is_needed) => {
                 self.in_exif = self.in_exif.or_else(|| exif::in_exif(segment));
                 self.in_xmp = self.in_xmp.or_else(|| exif::in_xmp(segment.strip_prefix(XMP)?));
             }
@@ -219,9 +239,10 @@ impl<'a> Reader<'a> {
     /// Decides, with all that comes before the first scan, which planes are wanted and at which size, and makes
     /// room for them.
     fn begin_pixels(&mut self, frame: &mut Frame, limits: &Limits) -> Result<(), ImageError> {
-        if self.colors(frame) == Colors::YCbCr {
+        self.colors = self.guessed_colors(frame);
+        if self.colors == Colors::YCbCr {
             for component in &mut frame.components[1..] {
-                component.is_wanted = false;
+                (component.is_wanted, component.only_colors) = (self.with_colors, true);
             }
         }
         let check = |side: usize| {
@@ -235,12 +256,17 @@ impl<'a> Reader<'a> {
         self.side =
             if check(8).is_ok() { 8 } else { [4, 2, 1].into_iter().find(|&side| fits(side)).unwrap_or(8) };
         check(self.side)?;
+        let memory = frame.memory_at(self.side) + frame.memory_of_colors_at(self.side);
+        if memory > limits.max_memory {
+            self.with_colors = false;
+            frame.give_up_colors();
+        }
         frame.allocate(self.side);
         Ok(())
     }
 
     /// As libjpeg guesses them.
-    fn colors(&self, frame: &Frame) -> Colors {
+    fn guessed_colors(&self, frame: &Frame) -> Colors {
         let ids: Vec<u8> = frame.components.iter().map(|component| component.id).collect();
         match (&ids[..], self.adobe) {
             ([_], _) => Colors::Gray,
@@ -299,10 +325,15 @@ impl<'a> Reader<'a> {
             if component.quantization.is_none() {
                 let table = self.quantization.get(component.table_number).copied().flatten();
                 component.quantization = table;
-                if component.is_wanted && table.is_none() {
+                if component.is_needed() && table.is_none() {
                     return Err(damaged("a quantization table is missing"));
                 }
             }
+        }
+        let lacks_table = |component: &Component| component.quantization.is_none();
+        if chosen.iter().any(|&(component_idx, _)| lacks_table(&frame.components[component_idx])) {
+            // None that the luma takes.
+            frame.give_up_colors();
         }
         if chosen.iter().all(|&(component_idx, _)| !frame.components[component_idx].is_wanted) {
             // Up to the next marker that is no restart.
@@ -311,8 +342,13 @@ impl<'a> Reader<'a> {
         let (has_first, has_others) = (pass.band.start == 0, pass.band.end > 1);
         let (needs_dc, needs_ac) = (has_first && pass.is_first(), has_others);
         for &(_, tables) in &chosen {
-            fill_in(&mut self.dc, needs_dc, Class::Dc, tables >> 4)?;
-            fill_in(&mut self.ac, needs_ac, Class::Ac, tables & 15)?;
+            let filled = fill_in(&mut self.dc, needs_dc, Class::Dc, tables >> 4)
+                .and_then(|()| fill_in(&mut self.ac, needs_ac, Class::Ac, tables & 15));
+            if filled.is_err() && !chosen.iter().any(|&(idx, _)| frame.components[idx].is_needed()) {
+                frame.give_up_colors();
+                return Ok(());
+            }
+            filled?;
         }
         let parts = chosen.iter().map(|&(component_idx, tables)| Part {
             component_idx,
@@ -326,8 +362,11 @@ impl<'a> Reader<'a> {
 
     fn finish(mut self) -> Result<Picture, ImageError> {
         let Some(mut frame) = self.frame.take() else { return Err(damaged("it has no frame header")) };
-        if frame.components.iter().any(|component| component.is_wanted && !component.was_sent) {
+        if frame.components.iter().any(|component| component.is_needed() && !component.was_sent) {
             return Err(damaged("it ends before its pixels begin"));
+        }
+        if frame.components.iter().any(|component| component.is_wanted && !component.was_sent) {
+            frame.give_up_colors();
         }
         if frame.is_progressive && !self.has_ended {
             // Nobody knows how many scans were to come.
@@ -350,7 +389,6 @@ impl<'a> Reader<'a> {
         }
         let n_damaged = frame.rows.iter().filter(|&&row| row != RowState::Whole).count();
         let reduction = 8 / self.side;
-        let colors = self.colors(&frame);
         let [width, height] = frame.size_at(self.side);
         let visible = Region {
             left: 0,
@@ -359,8 +397,9 @@ impl<'a> Reader<'a> {
             bottom: if whole_rows.end == frame.height { height } else { whole_rows.end / reduction },
         };
         let gap = (n_damaged > 0).then_some(Gap { damaged_rows: n_damaged, visible });
-        let luma = samples::luma(&mut frame, colors, self.side)?;
-        Ok(Picture { width, height, luma, reduction, gap, orientation: self.in_exif.or(self.in_xmp) })
+        let orientation = self.in_exif.or(self.in_xmp);
+        let Pixels { luma, colors } = samples::pixels(&mut frame, self.colors, self.side, self.with_colors)?;
+        Ok(Picture { width, height, luma, colors, reduction, gap, orientation })
     }
 }
 

@@ -1,4 +1,4 @@
-//! PNG, WebP, BMP and PNM to luma.
+//! PNG, WebP, BMP and PNM to luma and colors.
 
 use super::containers;
 use super::format::Format;
@@ -15,7 +15,12 @@ const DEPTHS: [u32; 4] = [8, 10, 12, 14];
 const MIN_PIXELS_OF_DEPTH: usize = 256;
 
 /// Reads a picture of a format that is not JPEG.
-pub(super) fn decode(bytes: &[u8], format: Format, limits: &Limits) -> Result<Image, ImageError> {
+pub(super) fn decode(
+    bytes: &[u8],
+    format: Format,
+    limits: &Limits,
+    with_colors: bool,
+) -> Result<Image, ImageError> {
     let (bytes, orientation) = match format {
         Format::Png => {
             let pixels = containers::pixels_of_png(bytes)?;
@@ -47,9 +52,12 @@ pub(super) fn decode(bytes: &[u8], format: Format, limits: &Limits) -> Result<Im
     let mut samples =
         vec![0; usize::try_from(decoder.total_bytes()).map_err(|_| damaged("it is too large"))?];
     decoder.read_image(&mut samples).map_err(refused)?;
+    let has_room = memory.saturating_add(n_pixels.saturating_mul(3)) <= limits.max_memory;
+    let colors = if with_colors && has_room { colors(&samples, color_type) } else { None };
     let luma = luma(samples, color_type).ok_or_else(|| damaged("it has samples of an unknown kind"))?;
-    let image =
+    let mut image =
         Image::from_pixels(width as usize, height as usize, luma).ok_or_else(|| damaged("missing pixels"))?;
+    image.colors = colors;
     oriented(image, orientation.unwrap_or(Orientation::NoTransforms))
 }
 
@@ -71,9 +79,27 @@ fn without_comments(bytes: &[u8]) -> Vec<u8> {
     told.flatten().copied().collect()
 }
 
+/// The upper half of a sample of 16 bits.
+fn high_byte(sample: [u8; 2]) -> u8 {
+    (u16::from_ne_bytes(sample) >> 8) as u8
+}
+
+/// Red, green and blue of decoded samples, whatever they say of transparency; `None` where they are gray.
+fn colors(samples: &[u8], color_type: ColorType) -> Option<Vec<u8>> {
+    Some(match color_type {
+        ColorType::Rgb8 => samples.to_vec(),
+        ColorType::Rgba8 => samples.as_chunks().0.iter().flat_map(|&[r, g, b, _]| [r, g, b]).collect(),
+        ColorType::Rgb16 => samples.as_chunks().0.iter().map(|&sample| high_byte(sample)).collect(),
+        ColorType::Rgba16 => {
+            let of_pixel = |&[a, b, c, d, e, f, _, _]: &[u8; 8]| [[a, b], [c, d], [e, f]].map(high_byte);
+            samples.as_chunks().0.iter().flat_map(of_pixel).collect()
+        }
+        _ => return None,
+    })
+}
+
 /// Luma of decoded samples, whatever they say of transparency.
 fn luma(samples: Vec<u8>, color_type: ColorType) -> Option<Vec<u8>> {
-    let high_byte = |sample: [u8; 2]| (u16::from_ne_bytes(sample) >> 8) as u8;
     Some(match color_type {
         ColorType::L8 => samples,
         ColorType::La8 => samples.as_chunks::<2>().0.iter().map(|&[luma, _]| luma).collect(),
@@ -114,8 +140,9 @@ mod tests {
     #[test]
     fn comments_of_plain_pictures_are_passed_over() {
         let bytes = b"P1 # one\n2 # two\n2\n# pixels 1 1\n1 0\n0 1\n";
-        let image = decode(bytes, Format::Pnm, &Limits::default()).unwrap();
+        let image = decode(bytes, Format::Pnm, &Limits::default(), true).unwrap();
         assert_eq!(image.pixels(), [0, 255, 255, 0]);
+        assert_eq!(image.colors(), None);
     }
 
     #[test]

@@ -23,6 +23,7 @@ use crate::filter::Transitions;
 use crate::svm::SvmError;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// Why nothing was added to a model, or forgotten by it.
 #[derive(Debug, thiserror::Error)]
@@ -184,7 +185,9 @@ impl Model {
         let trained = self.classification.opinions.iter().map(|opinion| opinion.trained.without(&left));
         let trained = trained.collect::<Result<Vec<_>, _>>()?;
         let opinions = self.classification.opinions.iter().zip(trained);
-        let opinions = opinions.map(|(opinion, trained)| Opinion { trained, ..opinion.clone() }).collect();
+        let opinions = opinions
+            .map(|(opinion, trained)| Opinion { trained: Arc::new(trained), ..opinion.clone() })
+            .collect();
         let is_same = places == self.places;
         let transitions =
             if is_same { self.transitions.clone() } else { Transitions::unlearned(places.len()) };
@@ -313,8 +316,8 @@ impl Drive<'_> {
         (of_earlier, places): (&[usize], &[String]),
     ) -> Result<Vec<Opinion>, AddError> {
         let learn = |opinion: &Opinion| {
-            let frames: Vec<&Seen> =
-                self.samples().map(|sample| &sample.features.seen[opinion.sight_idx]).collect();
+            let frames = self.samples().map(|sample| sample.features.of(&opinion.sight));
+            let frames: Vec<&Seen> = frames.collect::<Option<_>>().ok_or(TrainError::OtherSights)?;
             let added = Added {
                 frames: &frames,
                 labels: &learned.labels,
@@ -328,7 +331,7 @@ impl Drive<'_> {
                 }
                 error => error,
             })?;
-            Ok(Opinion { trained, ..opinion.clone() })
+            Ok(Opinion { trained: Arc::new(trained), ..opinion.clone() })
         };
         model.classification.opinions.iter().map(learn).collect()
     }
@@ -370,7 +373,7 @@ mod tests {
     use super::*;
     use crate::boost;
     use crate::camera::{Camera, Projection};
-    use crate::model::{Classifier, Config, Scratch};
+    use crate::model::{Classifier, Config, PatternsConfig, Scratch};
     use crate::svm::KernelConfig;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
@@ -477,6 +480,57 @@ mod tests {
         add(&back, &drives(&config, &["d"]), 0.0).unwrap();
     }
 
+    fn with_patterns() -> Config {
+        let mut config = config().with_patterns(0.5, PatternsConfig::default());
+        config.weights.clear();
+        config
+    }
+
+    #[test]
+    fn linear_machines_learn_drive_by_drive_what_they_learn_at_once() {
+        let config = with_patterns();
+        let all = drives(&config, &["a", "b", "c"]);
+        let unseen = samples(&config, 60, 99);
+        let grown = add(&train(&all[..24], &config), &all[24..], 0.0).unwrap().model;
+        let at_once = train(&all, &config);
+        let (grown_right, at_once_right) = (n_right(&grown, &unseen), n_right(&at_once, &unseen));
+        assert!(
+            grown_right + 2 >= at_once_right && at_once_right > 50,
+            "{grown_right} and {at_once_right} of 60"
+        );
+        assert_eq!(n_kept(&grown), 2 * 72, "a row a frame of both opinions");
+        let back = Model::from_bytes(&grown.to_bytes().unwrap()).unwrap();
+        assert_eq!(back.to_bytes().unwrap(), grown.to_bytes().unwrap());
+    }
+
+    #[test]
+    fn a_drive_or_a_room_is_forgotten() {
+        let config = with_patterns();
+        let all = drives(&config, &["a", "b", "c"]);
+        let unseen = samples(&config, 60, 99);
+        let model = train(&all, &config);
+        let without_drive = model.without(Forgotten::Drive("b")).unwrap();
+        assert_eq!((without_drive.card().n_frames, without_drive.learned.n_frames()), (48, 48));
+        assert!(n_right(&without_drive, &unseen) > 50);
+        // Learned again it is the same but for the order.
+        let again = add(&without_drive, &all[24..48], 0.0).unwrap().model;
+        assert_eq!(n_right(&again, &unseen), n_right(&model, &unseen));
+
+        let without_dots = model.without(Forgotten::Place("dots")).unwrap();
+        assert_eq!(without_dots.places(), ["bars", "stripes"]);
+        let others: Vec<Sample> = unseen.iter().filter(|sample| sample.place != "dots").cloned().collect();
+        assert!(n_right(&without_dots, &others) > 35);
+        let back = Model::from_bytes(&without_dots.to_bytes().unwrap()).unwrap();
+        assert_eq!(back.to_bytes().unwrap(), without_dots.to_bytes().unwrap());
+
+        let refusal = |model: &Model, forgotten| model.without(forgotten).unwrap_err().to_string();
+        assert!(refusal(&model, Forgotten::Drive("z")).contains("it has learned a, b, c"));
+        assert!(refusal(&model, Forgotten::Place("attic")).contains("bars, dots, stripes"));
+        assert!(refusal(&without_dots, Forgotten::Place("bars")).contains("1 rooms only"));
+        let kernel = train(&all, &kernel_svm());
+        assert!(refusal(&kernel, Forgotten::Drive("a")).contains("kernel_svm"));
+    }
+
     #[test]
     fn what_cannot_go_on_is_refused_by_name() {
         let config = config();
@@ -507,7 +561,7 @@ mod tests {
         let frame = frame(1, &mut random);
         let expected = old.recognize(&frame, &mut Scratch::default());
         old.held_out = HeldOutFrames::default();
-        old.classification.opinions[0].trained.forget_support_labels();
+        Arc::make_mut(&mut old.classification.opinions[0].trained).forget_support_labels();
         let back = Model::from_bytes(&old.to_bytes().unwrap()).unwrap();
         assert_eq!(back.recognize(&frame, &mut Scratch::default()), expected);
         assert!(matches!(add(&back, &drives(&config, &["b"]), 0.0), Err(AddError::NothingKept)));

@@ -1,5 +1,6 @@
 //! What a person would ask about a model.
 
+use super::Choice;
 use serde::{Deserialize, Serialize};
 
 /// What a model was trained on and how well it did. Part of the model file.
@@ -18,6 +19,9 @@ pub struct Card {
     pub sequences: Vec<String>,
     /// How well it did on frames that it was not trained on.
     pub measured: Vec<Measurement>,
+    /// Among what its opinions were chosen, where there was a choice.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub choice: Option<Choice>,
     /// Which of the sequences were added later, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub additions: Vec<Addition>,

@@ -2,12 +2,12 @@
 
 use super::opinion::{MachinesConfig, OpinionConfig, PatternsConfig, Representation};
 use super::sight::Sight;
-use super::{Classifier, opinion};
-use crate::camera::CameraKind;
+use super::{Classifier, Networks, opinion};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// The name of the opinion that parameters are of which name none: `classifier.c` is short for
 /// `opinions.bag.classifier.c`.
@@ -215,13 +215,6 @@ impl Config {
         config
     }
 
-    /// The same for frames of a camera: what depends on its kind is chosen.
-    pub fn for_camera(&self, camera: CameraKind) -> Self {
-        let mut config = self.clone();
-        config.opinions.values_mut().for_each(|opinion| *opinion = opinion.for_camera(camera));
-        config
-    }
-
     /// Everything that is seen of a frame, once each. All that decides what an [`super::Extractor`] finds in a frame is
     /// here and in [`Config::longest_side`].
     pub fn sights(&self) -> Vec<Sight> {
@@ -232,6 +225,27 @@ impl Config {
             }
         }
         sights
+    }
+
+    /// The names of the networks that are looked through.
+    pub fn network_names(&self) -> BTreeSet<String> {
+        self.sights().iter().filter_map(Sight::lens).map(|lens| lens.network.clone()).collect()
+    }
+
+    /// Gives the opinions that look through networks these; each is tried. Without that the configuration is not
+    /// complete. The error says what to do.
+    pub fn link(&mut self, networks: &Networks) -> Result<(), String> {
+        self.opinions
+            .values_mut()
+            .filter_map(OpinionConfig::lens_mut)
+            .try_for_each(|lens| lens.link(networks))
+    }
+
+    /// The networks that it was linked to.
+    pub(super) fn networks(&self) -> Networks {
+        let sights = self.sights();
+        let lenses = sights.iter().filter_map(Sight::lens);
+        lenses.filter_map(|lens| Some((lens.network.clone(), Arc::clone(lens.carried()?)))).collect()
     }
 
     /// With the same, frames need not be described again.

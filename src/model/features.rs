@@ -1,12 +1,14 @@
 //! A frame to what opinions see of it: what training and recognition have in common.
 
 use super::Config;
+use super::lens::{Lens, Look};
 use super::sight::{LocalFeatures, Seen, Sight};
-use crate::camera::{Camera, View};
+use crate::camera::{Camera, Spot, View};
 use crate::describe::{Descriptor, FrameLbp, Sections};
 use crate::detect::{Detector, Keypoint};
-use crate::image::{Image, Region};
+use crate::image::{Image, ImageError, Limits, Region};
 use crate::matrix::Matrix;
+use crate::network::XFeat;
 use crate::plane::ScaleSpace;
 use std::sync::Arc;
 
@@ -17,14 +19,17 @@ pub struct Extractor(Arc<Parameters>);
 #[derive(Debug)]
 struct Parameters {
     longest_side: usize,
-    sights: Vec<Sight>,
+    sights: Arc<Vec<Sight>>,
     camera: Camera,
 }
 
 /// What a frame shows, before it is classified.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
-    /// One for each of [`Config::sights`].
+    /// How it was looked at: [`Config::sights`] of the extractor's configuration. A model that looks in fewer of these ways
+    /// can classify it.
+    pub sights: Arc<Vec<Sight>>,
+    /// What each of these saw.
     pub seen: Vec<Seen>,
     /// Pixels of the frame as it came for one pixel at working size, at least 1.
     pub scale: f32,
@@ -39,6 +44,11 @@ impl Features {
     /// The descriptors of the first sight that has keypoints, even if it found none; none without such a sight.
     pub fn descriptors(&self) -> Option<&Matrix> {
         self.seen.iter().find_map(Seen::local).map(|local| &local.descriptors)
+    }
+
+    /// What one sight sees; `None` where the extractor was not configured to look so.
+    pub fn of(&self, sight: &Sight) -> Option<&Seen> {
+        self.sights.iter().zip(&self.seen).find(|(other, _)| *other == sight).map(|(_, seen)| seen)
     }
 
     /// The number of keypoints that were found.
@@ -76,10 +86,54 @@ struct Scaled<'a> {
     view: &'a View,
 }
 
+/// What networks say of a frame as it came, with its colors; each is asked once.
+struct Looks<'a> {
+    image: &'a Image,
+    view: &'a View,
+    /// Pixels of it for one at working size.
+    reduction: f32,
+    so_far: Vec<(&'a Lens, Option<Look<'a>>)>,
+}
+
+impl<'a> Looks<'a> {
+    /// What the network says of the whole frame; nothing where it cannot run.
+    fn vector(&mut self, lens: &'a Lens) -> Vec<f32> {
+        self.through(lens).map_or_else(Vec::new, Look::vector)
+    }
+
+    fn grid(&mut self, lens: &'a Lens, grid: &str) -> LocalFeatures {
+        let n_dimensions = lens.grid_len(grid);
+        let cells = self.through(lens).map(|look| look.grid(grid, n_dimensions));
+        self.at_working_size(cells.unwrap_or_else(|| LocalFeatures::nothing(n_dimensions)))
+    }
+
+    fn xfeat(&mut self, lens: &'a Lens, target: usize) -> LocalFeatures {
+        let found = self.through(lens).map(|look| look.xfeat(target));
+        self.at_working_size(found.unwrap_or_else(|| LocalFeatures::nothing(XFeat::N_DIMENSIONS)))
+    }
+
+    fn through(&mut self, lens: &'a Lens) -> Option<&Look<'a>> {
+        let camera = self.view.projection().kind();
+        let known = self.so_far.iter().position(|(other, _)| other.looks_as(lens, camera));
+        let idx = known.unwrap_or_else(|| {
+            self.so_far.push((lens, lens.look(self.image, self.view)));
+            self.so_far.len() - 1
+        });
+        self.so_far[idx].1.as_ref()
+    }
+
+    fn at_working_size(&self, mut local: LocalFeatures) -> LocalFeatures {
+        local.spots = spots(&local.keypoints, self.view);
+        shrink(&mut local.keypoints, self.reduction);
+        local
+    }
+}
+
 impl Extractor {
     /// What `config` says, for frames of `camera`.
     pub fn new(config: &Config, camera: Camera) -> Self {
-        Self(Arc::new(Parameters { longest_side: config.longest_side, sights: config.sights(), camera }))
+        let sights = Arc::new(config.sights());
+        Self(Arc::new(Parameters { longest_side: config.longest_side, sights, camera }))
     }
 
     /// The longest side in pixels that it looks at.
@@ -90,6 +144,19 @@ impl Extractor {
     /// The camera whose frames it takes.
     pub fn camera(&self) -> &Camera {
         &self.0.camera
+    }
+
+    /// Whether a sight looks at colors.
+    pub fn wants_colors(&self) -> bool {
+        self.0.sights.iter().any(Sight::wants_colors)
+    }
+
+    /// Decodes a frame of unknown origin to what is looked at: in color only where a sight wants that, and no
+    /// larger than it must be where it goes beyond `limits`, see [`Limits::enough_side`].
+    pub fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+        let limits = limits.enough_for(self.longest_side());
+        let decode = if self.wants_colors() { Image::decode_with_colors } else { Image::decode };
+        decode(bytes, &limits)
     }
 
     /// What all sights see of a frame. A `scratch` that served another extractor is emptied before, which costs
@@ -104,7 +171,7 @@ impl Extractor {
 
 impl Parameters {
     /// `scratch` is ours.
-    fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
+    fn extract<'s>(&'s self, image: &Image, scratch: &mut Scratch) -> Features {
         let shrunk = image.shrink_to(self.longest_side);
         let frame = shrunk.as_ref().unwrap_or(image);
         let size = (frame.width(), frame.height());
@@ -119,16 +186,38 @@ impl Parameters {
             }
         };
         let scaled = Scaled { frame, visible, view };
-        let see = |sight: &Sight| match sight {
+        // Whoever looks through a network sees the frame as it came.
+        let has_lens = self.sights.iter().any(|sight| sight.lens().is_some());
+        let unshrunk = (has_lens && shrunk.is_some()).then(|| {
+            let whole = self.camera.view(image.width(), image.height());
+            match image.visible() {
+                Some(visible) => whole.within(visible),
+                None => whole,
+            }
+        });
+        let mut looks = Looks {
+            image,
+            view: unshrunk.as_ref().unwrap_or(view),
+            reduction: image.width() as f32 / frame.width() as f32,
+            so_far: Vec::new(),
+        };
+        let see = |sight: &'s Sight| match sight {
             Sight::Keypoints { detector, descriptor } => {
                 Seen::Local(self.describe_keypoints(&scaled, (detector, descriptor), &mut scratch.space))
             }
             Sight::Patterns(histograms) => {
                 Seen::Whole(self.describe_frame(&scaled, histograms, &mut scratch.sections))
             }
+            Sight::Vector(lens) => Seen::Whole(looks.vector(lens)),
+            Sight::Grid { lens, grid } => Seen::Local(looks.grid(lens, grid)),
+            Sight::XFeat { lens, target } => Seen::Local(looks.xfeat(lens, *target)),
         };
         let seen = self.sights.iter().map(see).collect();
-        Features { seen, scale: (image.width() * image.reduction()) as f32 / frame.width() as f32 }
+        Features {
+            sights: Arc::clone(&self.sights),
+            seen,
+            scale: (image.width() * image.reduction()) as f32 / frame.width() as f32,
+        }
     }
 
     /// The keypoints of a frame, shrunk first where the detector looks at smaller ones, and their descriptors.
@@ -150,11 +239,7 @@ impl Parameters {
         };
         let shrunk = Scaled { frame: &frame, visible, view: &view };
         let mut local = shrunk.describe((detector, descriptor), space);
-        let factor = scaled.frame.width() as f32 / size[0] as f32;
-        for keypoint in &mut local.keypoints {
-            let Keypoint { x, y, scale, .. } = keypoint;
-            [x, y, scale].into_iter().for_each(|length| *length *= factor);
-        }
+        shrink(&mut local.keypoints, size[0] as f32 / scaled.frame.width() as f32);
         local
     }
 
@@ -200,8 +285,22 @@ impl Scaled<'_> {
             }
             descriptor => descriptor.describe(self.frame, &keypoints, self.view),
         };
-        let spots = keypoints.iter().map(|keypoint| self.view.spot(keypoint.x, keypoint.y)).collect();
+        let spots = spots(&keypoints, self.view);
         LocalFeatures { keypoints, descriptors, spots }
+    }
+}
+
+/// Where keypoints lie in what the camera sees.
+fn spots(keypoints: &[Keypoint], view: &View) -> Vec<Spot> {
+    keypoints.iter().map(|keypoint| view.spot(keypoint.x, keypoint.y)).collect()
+}
+
+/// Moves keypoints to a frame with sides so many times as short. Middles of pixels are whole numbers in both.
+fn shrink(keypoints: &mut [Keypoint], reduction: f32) {
+    for keypoint in keypoints {
+        keypoint.x = (keypoint.x + 0.5) / reduction - 0.5;
+        keypoint.y = (keypoint.y + 0.5) / reduction - 0.5;
+        keypoint.scale /= reduction;
     }
 }
 
@@ -209,7 +308,6 @@ impl Scaled<'_> {
 mod tests {
     use super::*;
     use crate::camera::Projection;
-    use crate::image::Limits;
     use crate::model::PatternsConfig;
     use image::codecs::jpeg::JpegEncoder;
     use image::{ExtendedColorType, GrayImage, ImageEncoder, Luma};

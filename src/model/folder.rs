@@ -1,12 +1,17 @@
-//! A model on disk: a folder with `model.safetensors`, `model.json` and `golden/`.
+//! A model on disk: a folder with `model.safetensors`, `model.json`, `golden/` and, where the model uses networks,
+//! `networks/`.
 //!
-//! `model.json` tells people and tools what the model is, and holds the digest of the model file.
+//! `model.json` tells people and tools what the model is, and holds the digest of the model file. Its list of networks is
+//! that of the model file; see [`super::networks`]. The folder is all of the model: whoever copies it has everything
+//! that it needs but the ONNX Runtime.
 
-use super::format::{FORMAT_VERSION, FormatError};
+use super::format::{FORMAT_VERSION, FormatError, Metadata};
 use super::golden::{GOLDEN_FOLDER, GoldenFrame, write_golden};
+use super::networks::{self, NetworkEntry, NetworkStore, write_networks};
 use super::{Card, Config, Model};
 use crate::camera::Projection;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
@@ -32,11 +37,12 @@ pub struct LoadedModel {
     pub digest: String,
 }
 
-/// A model file whose digest is the one that is written beside it.
+/// A model file whose digest is the one that is written beside it, as are those of its networks.
 pub struct VerifiedFile {
-    path: PathBuf,
+    folder: PathBuf,
     bytes: Vec<u8>,
     digest: String,
+    networks: Vec<NetworkEntry>,
 }
 
 /// Why a model was not loaded; the text says what is wrong.
@@ -80,14 +86,22 @@ struct About {
     camera: Projection,
     card: Card,
     config: Config,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    networks: Vec<NetworkEntry>,
+}
+
+/// What `model.json` says of the files beside it.
+struct Promise {
+    blake3: String,
+    networks: Vec<NetworkEntry>,
 }
 
 impl Model {
-    /// Loads the model in a folder, or the model file itself, which needs its `model.json` beside it. The
-    /// file's digest must be the one that `model.json` says.
+    /// Loads the model in a folder, or the model file itself, which needs its `model.json` and its networks beside
+    /// it. The digests of all must be those that `model.json` says.
     pub fn load(path: &Path) -> Result<LoadedModel, LoadError> {
         let folder = if path.is_file() { path.parent().unwrap_or(Path::new(".")) } else { path };
-        VerifiedFile::read(folder)?.load()
+        VerifiedFile::read(folder)?.load(&NetworkStore::default())
     }
 
     /// Writes the model into a new folder; it is there whole or not at all.
@@ -101,7 +115,9 @@ impl Model {
             fs::create_dir_all(parent)?;
             let unfinished = tempfile::Builder::new().prefix(".unfinished-").tempdir_in(parent)?;
             write_new(&unfinished.path().join(MODEL_FILE), &bytes)?;
-            write_new(&unfinished.path().join(ABOUT_FILE), &serde_json::to_vec_pretty(&self.about(&bytes))?)?;
+            let about = About::new(self.metadata(), &bytes);
+            write_new(&unfinished.path().join(ABOUT_FILE), &serde_json::to_vec_pretty(&about)?)?;
+            write_networks(unfinished.path(), self.networks())?;
             if !golden_frames.is_empty() {
                 write_golden(&unfinished.path().join(GOLDEN_FOLDER), golden_frames)?;
             }
@@ -109,31 +125,51 @@ impl Model {
         };
         write().map_err(|source| SaveError::Io { path: folder.to_owned(), source })
     }
+}
 
-    fn about(&self, bytes: &[u8]) -> About {
-        About {
+impl About {
+    fn new(metadata: Metadata, bytes: &[u8]) -> Self {
+        let Metadata { places, camera, card, config, networks, .. } = metadata;
+        Self {
             format_version: FORMAT_VERSION,
             file: MODEL_FILE.to_owned(),
             n_bytes: bytes.len() as u64,
             blake3: blake3::hash(bytes).to_hex().to_string(),
-            places: self.places().to_vec(),
-            camera: self.camera().projection,
-            card: self.card().clone(),
-            config: self.config().clone(),
+            places,
+            camera,
+            card,
+            config,
+            networks,
         }
     }
 }
 
-impl VerifiedFile {
-    /// Reads the model file of a folder. Its digest must be the one that `model.json` says.
-    pub fn read(folder: &Path) -> Result<Self, LoadError> {
-        let about_path = folder.join(ABOUT_FILE);
-        let about = read_bounded(&about_path, MAX_SIDE_FILE_BYTES)?;
-        let about: serde_json::Value = serde_json::from_slice(&about)
-            .map_err(|error| refused(&about_path, format!("no JSON: {error}")))?;
-        let expected = about.get("blake3").and_then(serde_json::Value::as_str);
-        let expected = expected.ok_or_else(|| refused(&about_path, "it holds no digest of the model"))?;
+impl Promise {
+    /// Reads it from the `model.json` of a folder.
+    fn read(folder: &Path) -> Result<Self, LoadError> {
+        let path = folder.join(ABOUT_FILE);
+        let about = read_bounded(&path, MAX_SIDE_FILE_BYTES)?;
+        Self::parse(&about).map_err(|reason| refused(&path, reason))
+    }
 
+    fn parse(about: &[u8]) -> Result<Self, String> {
+        let mut about: serde_json::Value =
+            serde_json::from_slice(about).map_err(|error| format!("no JSON: {error}"))?;
+        let blake3 = about.get("blake3").and_then(serde_json::Value::as_str).map(str::to_owned);
+        let blake3 = blake3.ok_or("it holds no digest of the model")?;
+        let networks = about.get_mut("networks").map(serde_json::Value::take);
+        let networks: Vec<NetworkEntry> = networks
+            .map_or(Ok(Vec::new()), serde_json::from_value)
+            .map_err(|error| format!("its list of networks: {error}"))?;
+        networks::check_entries(&networks)?;
+        Ok(Self { blake3, networks })
+    }
+}
+
+impl VerifiedFile {
+    /// Reads the model file of a folder. Its digest, and those of its networks, must be those that `model.json` says.
+    pub fn read(folder: &Path) -> Result<Self, LoadError> {
+        let Promise { blake3: expected, networks } = Promise::read(folder)?;
         let model_path = folder.join(MODEL_FILE);
         let bytes = read_bounded(&model_path, MAX_MODEL_BYTES)?;
         let digest = blake3::hash(&bytes).to_hex().to_string();
@@ -141,24 +177,45 @@ impl VerifiedFile {
             let reason = format!("damaged or replaced: its digest is {digest}, {ABOUT_FILE} says {expected}");
             return Err(refused(&model_path, reason));
         }
-        Ok(Self { path: model_path, bytes, digest })
+        networks.iter().try_for_each(|network| network.verify(folder))?;
+        Ok(Self { folder: folder.to_owned(), bytes, digest, networks })
     }
 
-    /// Makes a model of it.
-    pub fn load(self) -> Result<LoadedModel, LoadError> {
-        let model = Model::from_bytes(&self.bytes).map_err(|error| refused(&self.path, error.to_string()))?;
+    /// Makes a model of it. Networks that are in `store` are not read again.
+    pub fn load(self, store: &NetworkStore) -> Result<LoadedModel, LoadError> {
+        let path = self.folder.join(MODEL_FILE);
+        let mut networks = BTreeMap::new();
+        for entry in &self.networks {
+            networks.insert(entry.name.clone(), store.open(&self.folder, entry)?);
+        }
+        let model =
+            Model::from_parts(&self.bytes, networks).map_err(|error| refused(&path, error.to_string()))?;
         Ok(LoadedModel { model, digest: self.digest })
     }
 }
 
-/// Writes `model.json` beside a model file that came without one.
+/// The networks that the model in a folder uses, by its `model.json`.
+pub fn networks_of(folder: &Path) -> Result<Vec<NetworkEntry>, LoadError> {
+    Ok(Promise::read(folder)?.networks)
+}
+
+/// The networks that a model uses, by the bytes of its `model.json`.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn networks_in(about: &[u8]) -> Result<Vec<NetworkEntry>, String> {
+    Ok(Promise::parse(about)?.networks)
+}
+
+/// Writes `model.json` beside a model file that came without one. Whether the model works is not looked at.
 pub fn write_about(folder: &Path) -> Result<(), LoadError> {
     let model_path = folder.join(MODEL_FILE);
     let bytes = read_bounded(&model_path, MAX_MODEL_BYTES)?;
-    let model = Model::from_bytes(&bytes).map_err(|error| refused(&model_path, error.to_string()))?;
+    let metadata = Metadata::read(&bytes).map_err(|error| refused(&model_path, error.to_string()))?;
     let about_path = folder.join(ABOUT_FILE);
-    let write =
-        || -> io::Result<()> { write_new(&about_path, &serde_json::to_vec_pretty(&model.about(&bytes))?) };
+    let write = || -> io::Result<()> {
+        write_new(&about_path, &serde_json::to_vec_pretty(&About::new(metadata, &bytes))?)
+    };
     write().map_err(|error| refused(&about_path, error.to_string()))
 }
 

@@ -34,14 +34,15 @@ use super::arrays::{self, Array, Arrays, require};
 use super::calibration::Calibration;
 use super::held_out::HeldOutFrames;
 use super::learned::LearnedFrames;
+use super::networks::{self, NetworkEntry, Networks};
 use super::opinion::{Opinion, Shape};
-use super::train::sight_idx;
 use super::{Card, Classification, Config, Extractor, Model};
 use crate::camera::{Camera, Mask, Projection};
 use crate::filter::Transitions;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// The version of the file's layout that is written.
 pub const FORMAT_VERSION: u32 = 2;
@@ -72,20 +73,30 @@ pub enum FormatError {
     /// A model whose parts do not fit.
     #[error("the model is damaged: {0}")]
     Damaged(String),
+    /// A model that is given other networks than it was trained with, or none.
+    #[error(
+        "the model file and model.json name different networks: send the model's whole folder as `train` writes it"
+    )]
+    OtherNetworks,
+    /// A network that it looks through cannot be used here.
+    #[error("{0}")]
+    Network(String),
 }
 
 /// All that is not an array.
 #[derive(Serialize, Deserialize)]
-struct Metadata {
+pub(super) struct Metadata {
     format_version: u32,
-    places: Vec<String>,
-    camera: Projection,
+    pub places: Vec<String>,
+    pub camera: Projection,
     known_probability: f32,
     /// How much each opinion counts, by name.
     #[serde(default)]
     weights: BTreeMap<String, f64>,
-    config: Config,
-    card: Card,
+    pub config: Config,
+    pub card: Card,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub networks: Vec<NetworkEntry>,
 }
 
 /// Stands in a file for a known probability that no answer reaches.
@@ -101,20 +112,11 @@ impl Model {
     /// The model file. The same model always gives the same bytes.
     pub fn to_bytes(&self) -> Result<Vec<u8>, FormatError> {
         let damaged = |error: &dyn std::fmt::Display| FormatError::Damaged(error.to_string());
-        let named = || self.config.opinions.keys().zip(&self.classification.opinions);
-        let metadata = Metadata {
-            format_version: FORMAT_VERSION,
-            places: self.places.clone(),
-            camera: self.camera().projection,
-            known_probability: self.known_probability().unwrap_or(NEVER_KNOWN),
-            weights: named().map(|(name, opinion)| (name.clone(), opinion.weight)).collect(),
-            config: self.config.clone(),
-            card: self.card.clone(),
-        };
-        let metadata = serde_json::to_string(&metadata).map_err(|error| damaged(&error))?;
+        let metadata = serde_json::to_string(&self.metadata()).map_err(|error| damaged(&error))?;
         let mut arrays = self.learned.to_arrays();
         arrays.extend((!self.held_out.is_empty()).then(|| self.held_out.labels()));
-        for (opinion_idx, (name, opinion)) in named().enumerate() {
+        let named = self.config.opinions.keys().zip(&self.classification.opinions);
+        for (opinion_idx, (name, opinion)) in named.enumerate() {
             let mut of_opinion = opinion.to_arrays();
             if !self.held_out.is_empty() {
                 let n_values = self.config.opinions[name].way().n_values(self.places.len());
@@ -130,30 +132,65 @@ impl Model {
         arrays::serialize(&arrays, (METADATA_KEY, metadata))
     }
 
-    /// Reads a model file of unknown origin. A model that comes out cannot fail to recognize.
+    pub(super) fn metadata(&self) -> Metadata {
+        Metadata {
+            format_version: FORMAT_VERSION,
+            places: self.places.clone(),
+            camera: self.camera().projection,
+            known_probability: self.known_probability().unwrap_or(NEVER_KNOWN),
+            weights: self.weights().into_iter().map(|(name, weight)| (name.to_owned(), weight)).collect(),
+            config: self.config.clone(),
+            card: self.card.clone(),
+            networks: self.network_entries(),
+        }
+    }
+
+    /// Reads a model file of unknown origin that needs no network. A model that comes out cannot fail to recognize.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, FormatError> {
-        let not_a_model = |error: &dyn std::fmt::Display| FormatError::NotAModel(error.to_string());
+        Self::from_parts(bytes, Networks::new())
+    }
+
+    /// The same of a model that uses these networks.
+    pub fn from_parts(bytes: &[u8], networks: Networks) -> Result<Self, FormatError> {
+        let metadata = Metadata::read(bytes)?;
+        let file = SafeTensors::deserialize(bytes).map_err(not_a_model)?;
+        from_parts(metadata, &file, networks)
+    }
+}
+
+impl Metadata {
+    /// Reads it from a model file of unknown origin.
+    pub fn read(bytes: &[u8]) -> Result<Self, FormatError> {
         let header_length = bytes.first_chunk().map(|length| u64::from_le_bytes(*length));
         if header_length.is_none_or(|length| length > MAX_HEADER_BYTES) {
             return Err(FormatError::NotAModel("no safetensors header".to_owned()));
         }
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(|error| not_a_model(&error))?;
+        let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_a_model)?;
         let json = header.metadata().as_ref().and_then(|metadata| metadata.get(METADATA_KEY));
         let json =
             json.ok_or_else(|| FormatError::NotAModel("a safetensors file of something else".into()))?;
-        let version: Version = serde_json::from_str(json).map_err(|error| not_a_model(&error))?;
+        let version: Version = serde_json::from_str(json).map_err(not_a_model)?;
         if !(FIRST_VERSION..=FORMAT_VERSION).contains(&version.format_version) {
             return Err(FormatError::OtherVersion { found: version.format_version });
         }
-        let metadata: Metadata =
+        let metadata: Self =
             serde_json::from_str(json).map_err(|error| FormatError::Damaged(error.to_string()))?;
-        let file = SafeTensors::deserialize(bytes).map_err(|error| not_a_model(&error))?;
-        from_parts(metadata, &file)
+        networks::check_entries(&metadata.networks).map_err(FormatError::Damaged)?;
+        Ok(metadata)
     }
 }
 
-fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatError> {
-    let Metadata { places, camera, known_probability, config, card, format_version, weights } = metadata;
+fn not_a_model(error: impl std::fmt::Display) -> FormatError {
+    FormatError::NotAModel(error.to_string())
+}
+
+fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Result<Model, FormatError> {
+    if metadata.networks != networks::entries(&networks) {
+        return Err(FormatError::OtherNetworks);
+    }
+    let Metadata { places, camera, known_probability, mut config, card, format_version, weights, .. } =
+        metadata;
+    config.link(&networks).map_err(FormatError::Network)?;
     config.check().map_err(FormatError::Damaged)?;
     let distinct: BTreeSet<&str> = places.iter().map(String::as_str).collect();
     require(distinct.len() == places.len() && places.len() >= 2, "its rooms are not distinct")?;
@@ -165,7 +202,6 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     let is_first = format_version == FIRST_VERSION;
     let arrays_of = |name| if is_first { file.of_first_version(name) } else { file.of_opinion(name) };
     let learned = LearnedFrames::from_arrays(places.len(), &file)?;
-    let sights = config.sights();
     let weights = match config.given_weights() {
         Some(weights) => weights,
         None => read_weights(&config, &weights)?,
@@ -173,12 +209,17 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
     let mut opinions = Vec::new();
     for ((name, opinion), weight) in config.opinions.iter().zip(weights) {
         let arrays = arrays_of(name);
-        let sight_idx = sight_idx(&sights, opinion);
-        let n_dimensions = sights[sight_idx].n_dimensions(camera.kind());
-        let shape = Shape { n_places: places.len(), n_dimensions, n_frames: learned.n_frames() };
-        let trained = opinion.read(shape, &arrays)?;
+        let sight = opinion.sight();
+        let n_dimensions = sight.n_dimensions(camera.kind());
+        let shape = Shape {
+            camera: camera.kind(),
+            n_places: places.len(),
+            n_dimensions,
+            n_frames: learned.n_frames(),
+        };
+        let trained = Arc::new(opinion.read(shape, &arrays)?);
         let calibration = Calibration::from_arrays(opinion.way(), places.len(), &arrays)?;
-        opinions.push(Opinion { sight_idx, trained, calibration, weight });
+        opinions.push(Opinion { sight, trained, calibration, weight });
     }
     let held_out = HeldOutFrames::from_arrays(&config, places.len(), &file, arrays_of)?.unwrap_or_default();
     let transitions = transitions(places.len(), &file)?;
@@ -195,6 +236,7 @@ fn from_parts(metadata: Metadata, file: &SafeTensors) -> Result<Model, FormatErr
         places,
         learned,
         held_out,
+        networks,
         config,
         card,
     })

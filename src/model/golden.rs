@@ -3,7 +3,7 @@
 
 use super::folder::{LoadError, MAX_SIDE_FILE_BYTES, MODEL_FILE, read_bounded, refused, write_new};
 use super::{Model, Recognition, Scratch};
-use crate::image::{Image, Limits};
+use crate::image::Limits;
 use serde::{Deserialize, Serialize};
 use std::fs;
 use std::io;
@@ -95,8 +95,7 @@ impl GoldenFrame {
 }
 
 fn answer_of(model: &Model, bytes: &[u8]) -> Result<Recognition, String> {
-    let limits = Limits::default().enough_for(model.config().longest_side);
-    let image = Image::decode(bytes, &limits).map_err(|error| error.to_string())?;
+    let image = model.decode(bytes, &Limits::default()).map_err(|error| error.to_string())?;
     Ok(model.recognize(&image, &mut Scratch::default()))
 }
 

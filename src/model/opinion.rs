@@ -8,13 +8,17 @@
 mod kept;
 mod machines;
 mod patterns;
+mod vector;
+mod whole;
 
 pub use machines::{Classifier, MachinesConfig, Representation};
 pub use patterns::PatternsConfig;
+pub use vector::VectorConfig;
 
 use super::arrays::{Array, Arrays};
 use super::calibration::{Calibration, Way};
 use super::format::FormatError;
+use super::lens::Lens;
 use super::pool::Vote;
 use super::sight::{Seen, Sight};
 use super::{AddError, Features, TrainError};
@@ -22,6 +26,8 @@ use crate::camera::CameraKind;
 use machines::Machines;
 use patterns::Patterns;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+use vector::Vector;
 
 /// The sum of the weights that are taken where nothing is known of how well opinions do: more than 1, since what
 /// several say independently is more certain than what one says.
@@ -35,6 +41,8 @@ pub enum OpinionConfig {
     Machines(MachinesConfig),
     /// Machines over the patterns of the whole frame.
     Patterns(PatternsConfig),
+    /// Machines over the vector of a network.
+    Vector(VectorConfig),
 }
 
 /// What a kind of opinion learns from frames, and says of them.
@@ -113,6 +121,8 @@ pub(super) struct Left<'a> {
 /// What the arrays of an opinion must agree with.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
+    /// The kind of camera whose frames it answers.
+    pub(super) camera: CameraKind,
     pub(super) n_places: usize,
     /// Of what it looks at; see [`Sight`].
     pub(super) n_dimensions: usize,
@@ -154,6 +164,7 @@ pub(super) enum Likeness {
 pub(super) enum Learner<'a> {
     Machines(&'a MachinesConfig, <Machines as Recognizer>::Prepared),
     Patterns(&'a PatternsConfig, <Patterns as Recognizer>::Prepared),
+    Vector(&'a VectorConfig, <Vector as Recognizer>::Prepared),
 }
 
 /// What has learned to tell rooms apart.
@@ -161,6 +172,7 @@ pub(super) enum Learner<'a> {
 pub(super) enum Trained {
     Machines(Machines),
     Patterns(Patterns),
+    Vector(Vector),
 }
 
 /// Calls what all kinds have.
@@ -169,6 +181,7 @@ macro_rules! of_each {
         match $value {
             $kinds::Machines($inner) => $body,
             $kinds::Patterns($inner) => $body,
+            $kinds::Vector($inner) => $body,
         }
     };
 }
@@ -179,6 +192,7 @@ macro_rules! again_each {
         match $value {
             Trained::Machines($inner) => Trained::Machines($body),
             Trained::Patterns($inner) => Trained::Patterns($body),
+            Trained::Vector($inner) => Trained::Vector($body),
         }
     };
 }
@@ -189,12 +203,9 @@ impl OpinionConfig {
         of_each!(Self, self, config => config.sight())
     }
 
-    /// The same for frames of a camera: what depends on its kind is chosen.
-    pub(super) fn for_camera(&self, camera: CameraKind) -> Self {
-        match self {
-            Self::Machines(config) => Self::Machines(config.for_camera(camera)),
-            Self::Patterns(_) => self.clone(),
-        }
+    /// The network that it looks through, if it does, to be linked.
+    pub(super) fn lens_mut(&mut self) -> Option<&mut Lens> {
+        of_each!(Self, self, config => config.lens_mut())
     }
 
     /// Whether what it learns depends on the seed when frames of known sequences are compared with each other.
@@ -222,6 +233,7 @@ impl OpinionConfig {
         Ok(match self {
             Self::Machines(config) => Learner::Machines(config, Machines::prepare(config, frames, seed)?),
             Self::Patterns(config) => Learner::Patterns(config, Patterns::prepare(config, frames, seed)?),
+            Self::Vector(config) => Learner::Vector(config, Vector::prepare(config, frames, seed)?),
         })
     }
 
@@ -230,6 +242,7 @@ impl OpinionConfig {
         Ok(match self {
             Self::Machines(config) => Trained::Machines(Machines::from_arrays(config, shape, arrays)?),
             Self::Patterns(config) => Trained::Patterns(Patterns::from_arrays(config, shape, arrays)?),
+            Self::Vector(config) => Trained::Vector(Vector::from_arrays(config, shape, arrays)?),
         })
     }
 }
@@ -242,6 +255,9 @@ impl Learner<'_> {
             }
             Self::Patterns(config, prepared) => {
                 Trained::Patterns(Patterns::train(config, prepared, frames, chosen)?)
+            }
+            Self::Vector(config, prepared) => {
+                Trained::Vector(Vector::train(config, prepared, frames, chosen)?)
             }
         })
     }
@@ -290,9 +306,9 @@ impl Trained {
 /// One opinion of a model.
 #[derive(Clone, Debug)]
 pub(super) struct Opinion {
-    /// Which of [`super::Config::sights`] it looks at.
-    pub(super) sight_idx: usize,
-    pub(super) trained: Trained,
+    /// How it looks at frames.
+    pub(super) sight: Sight,
+    pub(super) trained: Arc<Trained>,
     pub(super) calibration: Calibration,
     pub(super) weight: f64,
 }
@@ -300,7 +316,7 @@ pub(super) struct Opinion {
 impl Opinion {
     /// One number a machine or room; `None` of a frame that shows it nothing.
     pub(super) fn decision_values(&self, features: &Features) -> Option<Vec<f32>> {
-        self.trained.decision_values(&features.seen[self.sight_idx])
+        self.trained.decision_values(features.of(&self.sight)?)
     }
 
     /// `None` of a frame that shows it nothing.
@@ -311,7 +327,7 @@ impl Opinion {
 
     /// What spoke for and against a room.
     pub(super) fn clues(&self, features: &Features, place_idx: usize) -> Vec<Clue> {
-        self.trained.clues(&features.seen[self.sight_idx], place_idx)
+        features.of(&self.sight).map_or_else(Vec::new, |seen| self.trained.clues(seen, place_idx))
     }
 
     pub(super) fn size(&self) -> Size {

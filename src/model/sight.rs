@@ -1,9 +1,11 @@
 //! What opinions see of a frame.
 
+use super::lens::Lens;
 use crate::camera::{CameraKind, Spot};
 use crate::describe::{Descriptor, FrameLbp, SiftDescriptor};
 use crate::detect::{Detector, Keypoint};
 use crate::matrix::Matrix;
+use crate::network::XFeat;
 use crate::vocabulary::Described;
 use serde::Serialize;
 
@@ -23,6 +25,22 @@ pub enum Sight {
     },
     /// Histograms of the local binary patterns of the whole frame.
     Patterns(FrameLbp),
+    /// The vector of a network.
+    Vector(Lens),
+    /// The cells of a network's grid, each described.
+    Grid {
+        /// The network.
+        lens: Lens,
+        /// Which of its grids.
+        grid: String,
+    },
+    /// Keypoints of a network that finds and describes them as XFeat does.
+    XFeat {
+        /// The network.
+        lens: Lens,
+        /// The most keypoints of a frame.
+        target: usize,
+    },
 }
 
 /// What is seen of a frame in one way.
@@ -45,19 +63,23 @@ pub struct LocalFeatures {
     pub spots: Vec<Spot>,
 }
 
-impl LocalFeatures {
-    /// What a vocabulary sees.
-    pub fn described(&self) -> Described<'_> {
-        Described { descriptors: &self.descriptors, spots: &self.spots }
-    }
-}
-
 impl Sight {
     /// The length of a descriptor, or of what is seen of the whole frame.
     pub(super) fn n_dimensions(&self, camera: CameraKind) -> usize {
         match self {
             Self::Keypoints { descriptor, .. } => descriptor.n_dimensions(),
             Self::Patterns(histograms) => histograms.n_dimensions(camera),
+            Self::Vector(lens) => lens.vector_len(),
+            Self::Grid { lens, grid } => lens.grid_len(grid),
+            Self::XFeat { .. } => XFeat::N_DIMENSIONS,
+        }
+    }
+
+    /// Whether it looks at colors, where a frame has any.
+    pub(super) fn wants_colors(&self) -> bool {
+        match self {
+            Self::Keypoints { .. } | Self::Patterns(_) => false,
+            Self::Vector(_) | Self::Grid { .. } | Self::XFeat { .. } => true,
         }
     }
 
@@ -76,6 +98,28 @@ impl Sight {
                 check_scale_space((detector, descriptor), longest_side)
             }
             Self::Patterns(histograms) => histograms.check(),
+            Self::Vector(lens) => {
+                lens.check()?;
+                match lens.vector_len() {
+                    0 => Err(format!("the network {} has no vector", lens.network)),
+                    _ => Ok(()),
+                }
+            }
+            Self::Grid { lens, grid } => {
+                lens.check()?;
+                match lens.grid_len(grid) {
+                    0 => Err(format!("the network {} has no grid {grid}", lens.network)),
+                    _ => Ok(()),
+                }
+            }
+            Self::XFeat { lens, target } => {
+                lens.check()?;
+                match (lens.has_xfeat(), target) {
+                    (false, _) => Err(format!("the network {} finds no keypoints", lens.network)),
+                    (true, 1..=100_000) => Ok(()),
+                    _ => Err(format!("a detector's target must be from 1 to 100000 keypoints, not {target}")),
+                }
+            }
         }
     }
 }
@@ -99,6 +143,28 @@ fn check_scale_space(
         ));
     }
     Ok(())
+}
+
+impl Sight {
+    /// The network that it looks through, if it does.
+    pub(super) fn lens(&self) -> Option<&Lens> {
+        match self {
+            Self::Keypoints { .. } | Self::Patterns(_) => None,
+            Self::Vector(lens) | Self::Grid { lens, .. } | Self::XFeat { lens, .. } => Some(lens),
+        }
+    }
+}
+
+impl LocalFeatures {
+    /// None at all, of so many numbers each.
+    pub(super) fn nothing(n_dimensions: usize) -> Self {
+        Self { keypoints: Vec::new(), descriptors: Matrix::new(n_dimensions), spots: Vec::new() }
+    }
+
+    /// What a vocabulary sees.
+    pub fn described(&self) -> Described<'_> {
+        Described { descriptors: &self.descriptors, spots: &self.spots }
+    }
 }
 
 impl Seen {

@@ -222,12 +222,13 @@ fn evidence_sums_to_the_decision_value() {
     let nothing = Seen::Local(LocalFeatures {
         keypoints: vec![crate::detect::Keypoint::new(0.0, 0.0, 1.0)],
         descriptors: crate::matrix::Matrix::zeros(1, 72),
-        spots: vec![crate::camera::Spot { across: 0.0, down: 0.0 }],
+        spots: vec![crate::camera::Spot { across: Some(0.0), down: 0.0 }],
     });
     let sum: f32 = evidence.iter().map(|evidence| evidence.weight).sum();
     let values = bag.decision_values(&features).unwrap();
-    let of_word = bag.decision_values(&Features { seen: vec![nothing.clone()], scale: 1.0 }).unwrap()[1];
-    let weight = model.explain(&Features { seen: vec![nothing], scale: 1.0 }, 1)[0].weight;
+    let nothing = Features { seen: vec![nothing], ..features.clone() };
+    let of_word = bag.decision_values(&nothing).unwrap()[1];
+    let weight = model.explain(&nothing, 1)[0].weight;
     assert!((sum - (weight - of_word) - values[1]).abs() < 1e-3);
 }
 

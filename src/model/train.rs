@@ -3,7 +3,7 @@
 use super::held_out::{self, Decided, Fusion, HeldOutFrames, Outcome, spread_out};
 use super::learned::LearnedFrames;
 use super::opinion::{Chosen, Learner, Opinion, OpinionConfig, Trained};
-use super::sight::{Seen, Sight};
+use super::sight::Seen;
 use super::{Card, Classification, Config, Extractor, Features, Model, Recognition, is_known};
 use crate::boost::BoostError;
 use crate::camera::Camera;
@@ -13,6 +13,7 @@ use crate::svm::{self, SvmError};
 use crate::vocabulary::VocabularyError;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 /// One labeled frame, described.
 #[derive(Clone, Debug)]
@@ -60,6 +61,9 @@ pub enum TrainError {
     /// A parameter makes no sense.
     #[error("the configuration is wrong: {0}")]
     Config(String),
+    /// Samples of an extractor of another configuration.
+    #[error("the frames were described for another configuration: describe them for this one")]
+    OtherSights,
     /// Fewer than two rooms.
     #[error("a model needs frames of at least two rooms; these show {0}")]
     TooFewPlaces(usize),
@@ -87,9 +91,7 @@ impl Model {
         camera: Camera,
         progress: impl FnMut(TrainingStep),
     ) -> Result<Training, TrainError> {
-        let config = config.for_camera(camera.projection.kind());
-        let trials = Trials::run(samples, &config, progress)?;
-        trials.finish(&config, camera)
+        Trials::run(samples, config, progress)?.finish(config, camera)
     }
 }
 
@@ -111,6 +113,8 @@ struct Tried<'a> {
     config: &'a OpinionConfig,
     seen: Vec<&'a Seen>,
     learner: Learner<'a>,
+    /// On all samples, once that was needed.
+    trained: Option<Arc<Trained>>,
 }
 
 /// What was decided of a sample by opinions trained without its fold.
@@ -137,12 +141,12 @@ impl<'a> Trials<'a> {
         }
         let labels: Vec<usize> =
             samples.iter().map(|sample| places.binary_search(&sample.place).unwrap_or_default()).collect();
-        let sights = config.sights();
         let tried = |opinion: &'a OpinionConfig| {
-            let sight_idx = sight_idx(&sights, opinion);
-            let seen: Vec<&Seen> = samples.iter().map(|sample| &sample.features.seen[sight_idx]).collect();
+            let sight = opinion.sight();
+            let seen = samples.iter().map(|sample| sample.features.of(&sight));
+            let seen: Vec<&Seen> = seen.collect::<Option<_>>().ok_or(TrainError::OtherSights)?;
             let learner = opinion.learner(&seen, config.seed)?;
-            Ok(Tried { config: opinion, seen, learner })
+            Ok(Tried { config: opinion, seen, learner, trained: None })
         };
         let opinions = config.opinions.values().map(tried).collect::<Result<_, TrainError>>()?;
         let mut trials =
@@ -161,6 +165,15 @@ impl<'a> Trials<'a> {
     /// The rooms, sorted.
     pub fn places(&self) -> &[String] {
         &self.places
+    }
+
+    pub(super) fn n_samples(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// Whether a sample shows a room.
+    pub(super) fn shows(&self, sample_idx: usize, place_idx: usize) -> bool {
+        self.labels[sample_idx] == place_idx
     }
 
     /// What a model of some of the opinions would answer to the samples: each fold's answers, calibrated on the other folds;
@@ -195,30 +208,31 @@ impl<'a> Trials<'a> {
         Ok(held_out)
     }
 
-    /// Trains a model of some of the opinions on all samples. `config` is as for [`Trials::held_out`].
+    /// Trains a model of some of the opinions on all samples. `config` is as for [`Trials::held_out`]. Models of the
+    /// same trials share their opinions.
     ///
     /// # Errors
     /// What an opinion cannot learn; no calibration.
-    pub fn finish(self, config: &Config, camera: Camera) -> Result<Training, TrainError> {
+    pub fn finish(&mut self, config: &Config, camera: Camera) -> Result<Training, TrainError> {
         let held_out = self.held_out(config)?;
         let decisions = self.decisions_of(config);
         let decided: Vec<&Decided> = decisions.iter().map(|decision| &decision.decided).collect();
         let fusion = Fusion::fit(config, self.places.len(), &decided, &decided)?;
         let all: Vec<usize> = (0..self.samples.len()).collect();
-        let sights = config.sights();
         let mut opinions = Vec::new();
-        let wanted = self.opinions.iter().zip(self.config.opinions.keys());
+        let wanted = self.opinions.iter_mut().zip(self.config.opinions.keys());
         let wanted = wanted.filter(|(_, name)| config.opinions.contains_key(*name));
         for ((tried, _), (calibration, weight)) in
             wanted.zip(fusion.calibrations.into_iter().zip(fusion.weights))
         {
-            let trained = tried.train(&all, &self.labels)?.trained;
-            opinions.push(Opinion {
-                sight_idx: sight_idx(&sights, tried.config),
-                trained,
-                calibration,
-                weight,
-            });
+            let trained = match &tried.trained {
+                Some(trained) => Arc::clone(trained),
+                None => {
+                    let trained = Arc::new(tried.train(&all, &self.labels)?.trained);
+                    Arc::clone(tried.trained.insert(trained))
+                }
+            };
+            opinions.push(Opinion { sight: tried.config.sight(), trained, calibration, weight });
         }
         let known_probability = self.known_probability(&held_out);
         let held_out = held_out.into_iter().map(|mut answer| {
@@ -232,7 +246,8 @@ impl<'a> Trials<'a> {
             classification: Classification { n_places: self.places.len(), opinions, known_probability },
             learned: LearnedFrames::new(self.samples, &self.labels),
             held_out: HeldOutFrames::new(decided.into_iter().cloned().collect()).thinned(),
-            places: self.places,
+            places: self.places.clone(),
+            networks: config.networks(),
             card: Card::default(),
         };
         Ok(Training { model, held_out: held_out.collect() })
@@ -314,10 +329,4 @@ struct Fitted {
     trained: Trained,
     /// Sorted.
     present: Vec<usize>,
-}
-
-/// Which of the sights is that of an opinion.
-pub(super) fn sight_idx(sights: &[Sight], opinion: &OpinionConfig) -> usize {
-    let sight = opinion.sight();
-    sights.iter().position(|other| *other == sight).unwrap_or_default()
 }

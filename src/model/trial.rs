@@ -1,7 +1,8 @@
-//! A model is tried before it serves: its file is verified, it is loaded, and it answers its golden frames.
+//! A model is tried before it serves: its files are verified, it is loaded, and it answers its golden frames.
 
 use super::folder::{LoadError, LoadedModel, VerifiedFile};
 use super::golden::{load_golden_frames, warm};
+use super::networks::NetworkStore;
 use std::fmt;
 use std::path::Path;
 
@@ -27,7 +28,7 @@ pub struct TrialError {
 /// A step on the way to serving.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// Fetching the files and checking their digest.
+    /// Fetching the files and checking their digests.
     Verifying,
     /// Making a model of them.
     Loading,
@@ -35,13 +36,18 @@ pub enum Stage {
     Warming,
 }
 
-/// Tries the model in a folder. `on_stage` is called when a stage after the verifying begins.
-pub fn try_model(folder: &Path, mut on_stage: impl FnMut(Stage)) -> Result<TriedModel, TrialError> {
+/// Tries the model in a folder, with the networks of `store` where it uses one of those. `on_stage` is called when a
+/// stage after the verifying begins.
+pub fn try_model(
+    folder: &Path,
+    store: &NetworkStore,
+    mut on_stage: impl FnMut(Stage),
+) -> Result<TriedModel, TrialError> {
     let failed_at = |stage| move |error| TrialError { stage, error };
     let file = VerifiedFile::read(folder).map_err(failed_at(Stage::Verifying))?;
     on_stage(Stage::Loading);
     let golden_frames = load_golden_frames(folder).map_err(failed_at(Stage::Loading))?;
-    let loaded = file.load().map_err(failed_at(Stage::Loading))?;
+    let loaded = file.load(store).map_err(failed_at(Stage::Loading))?;
     on_stage(Stage::Warming);
     warm(&loaded.model, folder, &golden_frames).map_err(failed_at(Stage::Warming))?;
     Ok(TriedModel { loaded, n_golden_frames: golden_frames.len() })

@@ -2,26 +2,34 @@
 //!
 //! A version is there when its `model.json` and its `model.safetensors` are. The first is uploaded before all else, as
 //! something new: of two who upload the same version one does, and the other writes nothing. The second is
-//! uploaded last. `model.json` is removed first. A version is downloaded once, into a cache on the disk. Its folder there is named by a digest of what the bucket says
+//! uploaded last. `model.json` is removed first.
+//!
+//! Networks lie once for all versions under `.networks/`, named by their digests; they are used by the versions whose
+//! `model.json` names them. Since that is uploaded first, whoever deletes another version meanwhile leaves them there;
+//! whether they are there is looked at last, before `model.safetensors`. A version that was copied into the bucket by
+//! hand may have its networks in its own folder.
+//!
+//! A version is downloaded once, into a cache on the disk. Its folder there is named by a digest of what the bucket says
 //! of its files, their ETags, so that it is taken for no other. It enters the cache only when its model has
 //! the digest that its `model.json` says.
 //!
 //! What the bucket had is kept in the cache as well: a service that starts while the bucket cannot be
 //! reached serves what it served before.
 
+mod networks;
 mod remote;
 #[cfg(test)]
 mod tests;
 
 use super::default::DEFAULT_FILE;
 use super::name::check_name;
-use super::package::{self, Limits, is_file_of_version};
+use super::package::{self, Limits, is_file_of_version, is_network};
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
 use super::{
     DefaultModel, Fingerprint, Folder, Listing, Record, RepositoryError, Scan, VersionId,
     check_default_later, check_later, io_error, is_name, version_number,
 };
-use crate::model::{self, ABOUT_FILE, GOLDEN_FOLDER, MAX_SIDE_FILE_BYTES, MODEL_FILE, VerifiedFile};
+use crate::model::{self, ABOUT_FILE, MAX_SIDE_FILE_BYTES, MODEL_FILE, VerifiedFile};
 use object_store::PutMode;
 use object_store::aws::AmazonS3Builder;
 use remote::{Object, Remote};
@@ -136,6 +144,7 @@ impl Bucket {
         }
         let staged = self.stage()?;
         self.download(id, &files, staged.path())?;
+        super::networks::share(staged.path(), &self.cached_versions());
         let folder = self.cache.root().join(&fingerprint.0);
         match model::move_into_place(staged, &folder) {
             Err(error) if !folder.is_dir() => Err(io_error(&folder)(error)),
@@ -168,11 +177,14 @@ impl Bucket {
         let mut left = self.files(id)?;
         left.retain(|object| object.path != ABOUT_FILE);
         self.remove_all(id, &left)?;
-        for name in package::names(staged.path()).map_err(io_error(staged.path()))? {
-            if name != ABOUT_FILE {
-                self.remote.write(&path(&name), bytes_of(&name)?, PutMode::Overwrite)?;
+        let names = package::names(staged.path()).map_err(io_error(staged.path()))?;
+        for name in names.iter().filter(|name| ![ABOUT_FILE, MODEL_FILE].contains(&name.as_str())) {
+            if !is_network(name) {
+                self.remote.write(&path(name), bytes_of(name)?, PutMode::Overwrite)?;
             }
         }
+        self.upload_networks(staged.path(), &names)?;
+        self.remote.write(&path(MODEL_FILE), bytes_of(MODEL_FILE)?, PutMode::Overwrite)?;
         Ok(())
     }
 
@@ -182,7 +194,11 @@ impl Bucket {
             return Err(RepositoryError::NoVersion(id.clone()));
         }
         self.remote.remove(&format!("{id}/{ABOUT_FILE}"))?;
-        self.remove_all(id, &files)
+        self.remove_all(id, &files)?;
+        if let Err(error) = self.remove_unused_networks() {
+            tracing::warn!(version = %id, %error, "is deleted, but its networks take room");
+        }
+        Ok(())
     }
 
     pub(super) fn record(&self, name: &str) -> Result<Record, RepositoryError> {
@@ -308,20 +324,25 @@ impl Bucket {
 
     fn download(&self, id: &VersionId, files: &Files, into: &Path) -> Result<(), RepositoryError> {
         let damaged = |reason: String| RepositoryError::Damaged { id: id.clone(), reason };
-        let golden = into.join(GOLDEN_FOLDER);
-        fs::create_dir(&golden).map_err(io_error(&golden))?;
         let limits = Limits::default();
-        let files: Vec<&Object> = files.iter().filter(|object| is_file_of_version(&object.path)).collect();
+        let files: Files = files.iter().filter(|object| is_file_of_version(&object.path)).cloned().collect();
         if files.len() > limits.max_entries {
             return Err(damaged(format!("it has more than {} files", limits.max_entries)));
         }
-        for object in files {
+        let receive = |object: &Object| {
             if object.n_bytes > limits.of(&object.path) {
                 return Err(damaged(format!("{} has {} bytes, too many", object.path, object.n_bytes)));
             }
             let remote = Object { path: format!("{id}/{}", object.path), ..object.clone() };
-            self.remote.download(&remote, &into.join(&object.path))?;
-        }
+            self.receive(&remote, &into.join(&object.path))
+        };
+        // First, since nothing else is of use where a network is missing.
+        let (about, others): (Files, Files) = files.into_iter().partition(|object| object.path == ABOUT_FILE);
+        about.iter().try_for_each(receive)?;
+        let entries = model::networks_of(into).map_err(|error| damaged(error.reason))?;
+        let shared = self.shared_networks(id, (&entries, &others))?;
+        others.iter().try_for_each(receive)?;
+        shared.iter().try_for_each(|network| self.bring_network(id, network, into))?;
         VerifiedFile::read(into).map_err(|error| damaged(error.reason))?;
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Tells whether the files of a version are those that they were.
 
+use crate::model::NETWORKS_FOLDER;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, Metadata};
 use std::io;
@@ -38,7 +39,10 @@ fn collect(folder: &Path, depth: usize, lines: &mut Vec<String>) -> io::Result<(
         let path = entry.path();
         let metadata = fs::metadata(&path)?;
         if !metadata.is_dir() {
-            let (modified, changed) = (modified(&metadata), changed(&metadata));
+            // A network's file changes, to the system, whenever another version begins or ends to use it.
+            let is_network = folder.file_name().is_some_and(|name| name == NETWORKS_FOLDER);
+            let changed = if is_network { 0 } else { changed(&metadata) };
+            let modified = modified(&metadata);
             lines.push(format!("{path:?} {} {modified} {changed}", metadata.len()));
         } else if depth > 1 {
             collect(&path, depth - 1, lines)?;

@@ -13,7 +13,7 @@ use super::name::check_name;
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
 use super::{
     DefaultModel, Fingerprint, Listing, Record, RepositoryError, Scan, VersionId, check_default_later,
-    check_later, io_error, is_name, package, version_number,
+    check_later, io_error, is_name, networks, package, version_number,
 };
 use crate::model::{self, MODEL_FILE};
 use serde::Serialize;
@@ -95,12 +95,17 @@ impl Folder {
         stage_in(&self.root)
     }
 
+    pub(super) fn complete(&self, staged: &Path) -> Result<(), RepositoryError> {
+        networks::complete(staged, &self.version_folders()).map_err(io_error(staged))
+    }
+
     pub(super) fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), RepositoryError> {
         let path = self.path(id)?;
         if path.symlink_metadata().is_ok() {
             return Err(RepositoryError::Exists(id.clone()));
         }
         let staged = bring(staged, &self.make_folder(&id.name)?)?;
+        networks::share(staged.path(), &self.version_folders());
         model::move_into_place(staged, &path).map_err(|source| match source.kind() {
             // Another process was quicker.
             ErrorKind::AlreadyExists | ErrorKind::DirectoryNotEmpty | ErrorKind::NotADirectory => {
@@ -159,6 +164,12 @@ impl Folder {
     fn path(&self, id: &VersionId) -> Result<PathBuf, RepositoryError> {
         check_name(&id.name)?;
         Ok(self.root.join(&id.name).join(id.version.to_string()))
+    }
+
+    /// The folders of all versions, and of what else lies there.
+    fn version_folders(&self) -> Vec<PathBuf> {
+        let inside = |folder: &Path| visible(folder).unwrap_or_default().into_iter().map(|entry| entry.path);
+        inside(&self.root).flat_map(|model| inside(&model)).collect()
     }
 
     /// The folder of a model, made where it is not there yet.

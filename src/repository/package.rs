@@ -14,7 +14,8 @@ mod unpacker;
 mod zip;
 
 use crate::model::{
-    self, ABOUT_FILE, GOLDEN_FOLDER, LoadError, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE,
+    self, ABOUT_FILE, Digest, GOLDEN_FOLDER, LoadError, MAX_MODEL_BYTES, MAX_NETWORK_BYTES,
+    MAX_SIDE_FILE_BYTES, MODEL_FILE, NETWORKS_FOLDER,
 };
 use ::tar::{Builder, Header};
 use flate2::read::MultiGzDecoder;
@@ -31,6 +32,8 @@ pub struct Limits {
     pub max_entries: usize,
     /// The longest model file.
     pub max_model_bytes: u64,
+    /// The longest network.
+    pub max_network_bytes: u64,
     /// The longest other file.
     pub max_side_file_bytes: u64,
     /// The most bytes of all files together.
@@ -42,8 +45,9 @@ pub struct Limits {
 pub enum PackageError {
     /// An entry that no version has.
     #[error(
-        "the entry {entry:?} does not belong in a version: {reason}; a version is {MODEL_FILE}, {ABOUT_FILE} \
-         and plain files in {GOLDEN_FOLDER}/"
+        "the entry {entry:?} does not belong in a version: {reason}; a version is {MODEL_FILE}, {ABOUT_FILE}, \
+         plain files in {GOLDEN_FOLDER}/, and of each network that the model names {NETWORKS_FOLDER}/DIGEST.onnx and \
+         {NETWORKS_FOLDER}/DIGEST.toml"
     )]
     Entry {
         /// Its name.
@@ -84,6 +88,7 @@ impl Default for Limits {
         Self {
             max_entries: 1024,
             max_model_bytes: MAX_MODEL_BYTES,
+            max_network_bytes: MAX_NETWORK_BYTES,
             max_side_file_bytes: MAX_SIDE_FILE_BYTES,
             max_bytes: 2 * MAX_MODEL_BYTES,
         }
@@ -93,7 +98,11 @@ impl Default for Limits {
 impl Limits {
     /// The longest file of this path in a version's folder.
     pub(super) fn of(&self, path: &str) -> u64 {
-        if path == MODEL_FILE { self.max_model_bytes } else { self.max_side_file_bytes }
+        match path {
+            MODEL_FILE => self.max_model_bytes,
+            _ if is_network(path) => self.max_network_bytes,
+            _ => self.max_side_file_bytes,
+        }
     }
 }
 
@@ -120,21 +129,28 @@ pub fn copy(folder: &Path, into: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// The files of a version, as they are called in its folder, golden frames first: whoever copies them in
+/// The files of a version, as they are called in its folder, networks and golden frames first: whoever copies them in
 /// this order has a complete version when `model.json` is there. Hidden files are none of its.
 pub(super) fn names(folder: &Path) -> io::Result<Vec<String>> {
+    let mut names = names_in(folder, GOLDEN_FOLDER)?;
+    names.extend(names_in(folder, NETWORKS_FOLDER)?.into_iter().filter(|name| is_file_of_version(name)));
+    names.sort();
+    names.extend([MODEL_FILE, ABOUT_FILE].map(str::to_owned));
+    Ok(names)
+}
+
+/// The files in a part of a version's folder; none where it has no such part.
+fn names_in(folder: &Path, part: &str) -> io::Result<Vec<String>> {
     let mut names = Vec::new();
-    if folder.join(GOLDEN_FOLDER).is_dir() {
-        for entry in fs::read_dir(folder.join(GOLDEN_FOLDER))? {
+    if folder.join(part).is_dir() {
+        for entry in fs::read_dir(folder.join(part))? {
             let name = entry?.file_name().into_string();
             let name = name.map_err(|name| io::Error::other(format!("{name:?} is no Unicode")))?;
             if !name.starts_with('.') {
-                names.push(format!("{GOLDEN_FOLDER}/{name}"));
+                names.push(format!("{part}/{name}"));
             }
         }
     }
-    names.sort();
-    names.extend([MODEL_FILE, ABOUT_FILE].map(str::to_owned));
     Ok(names)
 }
 
@@ -161,7 +177,22 @@ pub fn unpack(body: &Path, into: &Path, limits: &Limits) -> Result<(), PackageEr
     if !into.join(ABOUT_FILE).exists() {
         model::write_about(into)?;
     }
-    Ok(())
+    check_networks(into)
+}
+
+/// Refuses networks that the unpacked model does not name: nobody would look at what is in them.
+fn check_networks(into: &Path) -> Result<(), PackageError> {
+    let found = names_in(into, NETWORKS_FOLDER).map_err(io_error(into))?;
+    if found.is_empty() {
+        return Ok(());
+    }
+    let named = model::networks_of(into)?;
+    let is_named =
+        |name: &String| named.iter().any(|entry| [entry.onnx_path(), entry.toml_path()].contains(name));
+    match found.iter().find(|name| !is_named(name)) {
+        Some(name) => Err(unpacker::wrong(name, "the model names no such network")),
+        None => Ok(()),
+    }
 }
 
 /// Whether a version may have a file of this path, relative to its folder.
@@ -169,7 +200,20 @@ pub(super) fn is_file_of_version(path: &str) -> bool {
     let is_plain =
         |name: &str| !name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\', ':', '\0']);
     let golden = path.strip_prefix(GOLDEN_FOLDER).and_then(|rest| rest.strip_prefix('/'));
-    path == MODEL_FILE || path == ABOUT_FILE || golden.is_some_and(is_plain)
+    let described =
+        path.strip_prefix(NETWORKS_FOLDER).and_then(|rest| rest.strip_prefix('/')?.strip_suffix(".toml"));
+    let is_description = described.is_some_and(|digest| Digest::parse(digest).is_some());
+    path == MODEL_FILE
+        || path == ABOUT_FILE
+        || golden.is_some_and(is_plain)
+        || is_network(path)
+        || is_description
+}
+
+/// Whether a path in a version's folder is that of a network.
+pub(super) fn is_network(path: &str) -> bool {
+    let name = path.strip_prefix(NETWORKS_FOLDER).and_then(|rest| rest.strip_prefix('/'));
+    name.and_then(|name| name.strip_suffix(".onnx")).is_some_and(|digest| Digest::parse(digest).is_some())
 }
 
 /// What was compressed, in a file without a name.

@@ -161,14 +161,17 @@ pub fn look(
     has_left: &dyn Fn() -> bool,
 ) -> Result<Seen, RecognizeError> {
     let limits = app.settings.frame_limits().enough_for(task.served.model.config().longest_side);
-    let (image, decode) = timed(&debug_span!("decode"), || Image::decode(&frame.bytes, &limits));
+    // The shadow sees the same image.
+    let with_colors = app.registry.wants_colors(&task.served);
+    let decode = if with_colors { Image::decode_with_colors } else { Image::decode };
+    let (image, decode_time) = timed(&debug_span!("decode"), || decode(&frame.bytes, &limits));
     let image = image?;
     drop(frame);
     if has_left() {
         return Err(RecognizeError::CallerLeft);
     }
     let mut seen = see(task.served, task.explain, &image);
-    seen.timings.decode = decode;
+    seen.timings.decode = decode_time;
     if let Some(place) = app.registry.place_in_shadow(&seen.served) {
         let (served, recognition) = (seen.served.clone(), seen.recognition.clone());
         app.pool.queue_shadow(move || compare(place, &image, (&served, &recognition)));

@@ -31,6 +31,7 @@ pub use state::Version;
 use super::events::Events;
 use super::metrics::Metrics;
 use super::settings::Policy;
+use crate::model::NetworkStore;
 use crate::repository::{DefaultModel, Record, Repository, Role};
 use arc_swap::{ArcSwap, Guard};
 use served::Table;
@@ -55,6 +56,8 @@ pub struct Registry {
     loading: Mutex<()>,
     /// Whether frames may come. Before that nothing has to be held back for them.
     is_open: AtomicBool,
+    /// Versions in memory share the networks that are the same.
+    networks: NetworkStore,
     events: Events,
     metrics: Arc<Metrics>,
 }
@@ -124,6 +127,13 @@ impl Registry {
     /// A place for a frame that this model has answered beside its shadow, if it has one and few frames wait.
     pub fn place_in_shadow(&self, served: &Arc<ServedModel>) -> Option<Place> {
         self.table().models.get(&served.name)?.shadow_of(served)?.admit()
+    }
+
+    /// Whether this model, or the shadow that sees what it sees, looks at the colors of frames.
+    pub fn wants_colors(&self, served: &Arc<ServedModel>) -> bool {
+        let table = self.table();
+        let shadow = table.models.get(&served.name).and_then(|serving| serving.shadow_of(served));
+        served.model.wants_colors() || shadow.is_some_and(|shadow| shadow.served.model.wants_colors())
     }
 
     /// All models, as they are now.

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 const BLOCK_ROWS: usize = 2048;
 
 /// `n_clusters` centers of the rows, none of which is longer than 1, after at most `max_rounds` rounds.
-pub(super) fn cluster(
+pub(crate) fn cluster(
     rows: &Matrix,
     n_clusters: usize,
     max_rounds: usize,

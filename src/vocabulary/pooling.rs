@@ -1,7 +1,7 @@
 //! Where in a frame words are counted: whole frames, or parts of them that are counted apart (Lazebnik, Schmid,
 //! Ponce, "Beyond bags of features: spatial pyramid matching for recognizing natural scene categories", 2006).
 
-use crate::camera::{CameraKind, Spot};
+use crate::camera::Spot;
 use serde::{Deserialize, Serialize};
 
 /// The most levels, of which the last has 64 parts of a pyramid, or 8 bands.
@@ -14,20 +14,15 @@ pub enum Pooling {
     /// None: words are counted over the whole frame.
     // With braces, serde refuses the parameters of others beside it.
     Whole {},
-    /// The frame, its quarters, their quarters and so on. For frames that are taken upright; turning a panorama or
-    /// a mirror changes them.
+    /// The frame, its quarters, their quarters and so on; of a camera that sees all around, the bands.
     Pyramid {
         /// 1 is the whole frame, 2 quarters as well, and so on; at most 4.
         levels: usize,
     },
-    /// The frame, its halves by height, their halves and so on; rings, in a mirror. Turning changes none of them.
+    /// The frame, its halves by height, their halves and so on; in a mirror, rings. Turning a camera that sees all
+    /// around changes none of them.
     Bands {
         /// 1 is the whole frame, 2 halves as well, and so on; at most 4.
-        levels: usize,
-    },
-    /// A pyramid in frames of an ordinary lens, bands in panoramas and mirrors.
-    ByCamera {
-        /// As of those.
         levels: usize,
     },
 }
@@ -40,28 +35,19 @@ impl Default for Pooling {
 
 /// Parts of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Parts {
+pub(super) struct Parts {
     levels: usize,
     /// Whether parts are halved from left to right as well.
     are_quartered: bool,
 }
 
 impl Pooling {
-    /// The one for frames of a camera.
-    pub fn for_camera(self, camera: CameraKind) -> Self {
-        match self {
-            Self::ByCamera { levels } if camera == CameraKind::Perspective => Self::Pyramid { levels },
-            Self::ByCamera { levels } => Self::Bands { levels },
-            any => any,
-        }
-    }
-
-    /// The parts of a frame; those that turning does not change where the camera was not said.
-    pub fn parts(self) -> Parts {
+    /// The parts of frames of a camera that does or does not see all around.
+    pub(super) fn parts(self, sees_all_around: bool) -> Parts {
         match self {
             Self::Whole {} => Parts { levels: 1, are_quartered: false },
-            Self::Pyramid { levels } => Parts { levels, are_quartered: true },
-            Self::Bands { levels } | Self::ByCamera { levels } => Parts { levels, are_quartered: false },
+            Self::Pyramid { levels } => Parts { levels, are_quartered: !sees_all_around },
+            Self::Bands { levels } => Parts { levels, are_quartered: false },
         }
     }
 
@@ -72,9 +58,7 @@ impl Pooling {
     /// What is wrong with the parameters, if anything.
     pub(super) fn check(self) -> Result<(), String> {
         match self {
-            Self::Pyramid { levels } | Self::Bands { levels } | Self::ByCamera { levels }
-                if !(1..=MAX_LEVELS).contains(&levels) =>
-            {
+            Self::Pyramid { levels } | Self::Bands { levels } if !(1..=MAX_LEVELS).contains(&levels) => {
                 Err(format!("words are pooled at 1 to {MAX_LEVELS} levels, not {levels}"))
             }
             _ => Ok(()),
@@ -84,7 +68,7 @@ impl Pooling {
 
 impl Parts {
     /// The number of parts of all levels together.
-    pub fn n_parts(self) -> usize {
+    pub(super) fn n_parts(self) -> usize {
         (0..self.levels).map(|level| self.n_at(level)).sum()
     }
 
@@ -104,8 +88,11 @@ impl Parts {
             let n_rows = 1 << level;
             // Casts send what is below 0 to 0.
             let at = |share: f32| ((share * n_rows as f32) as usize).min(n_rows - 1);
-            let part =
-                if self.are_quartered { at(spot.down) * n_rows + at(spot.across) } else { at(spot.down) };
+            let part = if self.are_quartered {
+                at(spot.down) * n_rows + at(spot.across.unwrap_or_default())
+            } else {
+                at(spot.down)
+            };
             let part = first + part;
             first += self.n_at(level);
             part
@@ -124,7 +111,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn parts_at(pooling: Pooling, across: f32, down: f32) -> Vec<usize> {
-        pooling.parts().of(Spot { across, down }).collect()
+        pooling.parts(false).of(Spot { across: Some(across), down }).collect()
     }
 
     #[test]
@@ -143,27 +130,24 @@ mod tests {
     fn a_word_counts_one_over_all_levels() {
         for levels in 1..=4 {
             for pooling in [Pooling::Pyramid { levels }, Pooling::Bands { levels }] {
-                let parts = pooling.parts();
+                let parts = pooling.parts(false);
                 let weights: Vec<f32> = parts.weights().collect();
                 assert_eq!(weights.len(), parts.n_parts());
-                let spot = Spot { across: 0.3, down: 0.8 };
+                let spot = Spot { across: Some(0.3), down: 0.8 };
                 assert_eq!(parts.of(spot).map(|part| weights[part]).sum::<f32>(), 1.0);
             }
         }
-        let parts = Pooling::Pyramid { levels: 3 }.parts();
+        let parts = Pooling::Pyramid { levels: 3 }.parts(false);
         let weights: Vec<f32> = parts.weights().collect();
         assert_eq!((weights[0], weights[1], weights[20]), (0.25, 0.25, 0.5));
     }
 
     #[test]
-    fn cameras_have_the_parts_that_fit_them() {
-        let by_camera = Pooling::ByCamera { levels: 2 };
-        let pyramid = Pooling::Pyramid { levels: 2 };
-        assert_eq!(by_camera.for_camera(CameraKind::Perspective), pyramid);
-        for camera in [CameraKind::Equirectangular, CameraKind::Omnidirectional] {
-            assert_eq!(by_camera.for_camera(camera), Pooling::Bands { levels: 2 });
-            assert_eq!(pyramid.for_camera(camera), pyramid);
-        }
+    fn cameras_that_see_all_around_have_bands() {
+        let (pyramid, bands) = (Pooling::Pyramid { levels: 2 }, Pooling::Bands { levels: 2 });
+        assert_eq!(pyramid.parts(false).n_parts(), 5);
+        assert_eq!(pyramid.parts(true), bands.parts(true));
+        assert_eq!(bands.parts(false), bands.parts(true));
     }
 
     #[test]
@@ -171,9 +155,8 @@ mod tests {
         for levels in [0, 5, usize::MAX] {
             assert!(Pooling::Pyramid { levels }.check().is_err());
             assert!(Pooling::Bands { levels }.check().is_err());
-            assert!(Pooling::ByCamera { levels }.check().is_err());
         }
-        assert_eq!(Pooling::ByCamera { levels: 4 }.check(), Ok(()));
+        assert_eq!(Pooling::Pyramid { levels: 4 }.check(), Ok(()));
         assert!(toml::from_str::<Pooling>("kind = 'whole'\nlevels = 2").is_err());
     }
 
@@ -184,13 +167,13 @@ mod tests {
             columns in 0.0f32..200.0,
         ) {
             let mirror = Mirror { center_x: 0.5, center_y: 0.5, inner_radius: 0.05, outer_radius: 0.45 };
-            let parts = Pooling::Bands { levels: 4 }.parts();
+            let parts = Pooling::Pyramid { levels: 4 }.parts(true);
             // Off the rings' borders, where rounding decides.
             prop_assume!(((radius - 0.05) * 20.0).fract().clamp(0.001, 0.999) == ((radius - 0.05) * 20.0).fract());
             let view = Camera::new(Projection::Omnidirectional(mirror)).view(300, 300);
             let ring = |angle: f32| {
                 let spot = view.spot(150.0 + 300.0 * radius * angle.cos(), 150.0 + 300.0 * radius * angle.sin());
-                prop_assert!((0.0..=1.0).contains(&spot.across));
+                prop_assert_eq!(spot.across, None);
                 Ok(parts.of(spot).collect::<Vec<_>>())
             };
             prop_assert_eq!(ring(angle)?, ring(angle + turn)?);

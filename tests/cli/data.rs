@@ -115,7 +115,7 @@ fn frames_without_a_held_out_answer_are_explained() {
     for line in [
         "Held-out answers to 36 of 39 frames",
         "without one: 1 of rooms that no other frame shows: take more frames of them (attic)",
-        "without one: 2 without any corner to recognize them by (dots)",
+        "without one: 2 without anything to recognize them by (dots)",
     ] {
         assert!(told.out.contains(line), "{line}: {}", told.out);
     }

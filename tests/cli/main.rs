@@ -368,7 +368,10 @@ fn tuning_writes_a_configuration_that_training_takes() {
     assert_eq!(tried[1]["parameters"][0], "classifier.c=2");
     let mean = |idx: usize| tried[idx]["rate"]["mean"].as_f64().unwrap();
     let config: toml::Table = fs::read_to_string(&best).unwrap().parse().unwrap();
-    assert_eq!(config["classifier"]["c"].as_float(), Some(if mean(1) > mean(0) { 2.0 } else { 0.5 }));
+    assert_eq!(
+        config["opinions"]["bag"]["classifier"]["c"].as_float(),
+        Some(if mean(1) > mean(0) { 2.0 } else { 0.5 })
+    );
     done(&["train", &data, "--config", &best, "--output", &path(&folder, "models/rooms/1")]);
 
     assert!(refused(FAILED, &tune).contains("exists already"));
@@ -433,15 +436,18 @@ fn drives_are_added_to_a_model() {
 
     let again = ["train", &data, "--sequences", "tuesday", "--add", &second, "--output", &path(&folder, "3")];
     assert!(refused(FAILED, &again).contains("tuesday before"));
-    let to_linear = ["train", &data, "--add", &LAB.model(), "--output", &path(&folder, "3")];
-    assert!(refused(FAILED, &to_linear).contains("classifier.kind = kernel_svm"));
+    let boosted = path(&folder, "boosted");
+    let boost = ["--set", "classifier.kind=boost", "--set", "classifier.n_rounds=3"];
+    done(&[&["train", &data, "--output", &boosted], &QUICK[..], &boost].concat());
+    let to_boost = ["train", &data, "--add", &boosted, "--output", &path(&folder, "3")];
+    assert!(refused(FAILED, &to_boost).contains("the classifier boost"));
     for (more, reason) in [
         (["--set", "seed=1"], "--set"),
         (["--camera", "perspective"], "--camera"),
         (["--forget", "-1"], "from 0 to below 1"),
         (["--config", "c.toml"], "--config"),
     ] {
-        let said = refused(WRONG_USAGE, &[&to_linear[..], &more].concat());
+        let said = refused(WRONG_USAGE, &[&to_boost[..], &more].concat());
         assert!(said.contains(reason), "{said}");
     }
     let alone = ["train", &data, "--output", &path(&folder, "3"), "--forget", "0.1"];
@@ -454,12 +460,21 @@ fn a_cue_is_switched_on_by_one_line() {
     let model = path(&folder, "model");
     let cue = ["--set", "cue.kind=frame_lbp"];
     done(&[&["train", &LAB.data(), "--output", &model], &QUICK[..], &cue].concat());
-    assert!(done(&["inspect", &model]).contains("frame_lbp"));
+    assert!(done(&["inspect", &model]).contains("patterns"));
     let report = json(&["evaluate", "--json", &model, &LAB.data()]);
     assert_eq!(report["evaluation"]["overall"]["rate"], 1.0);
     done(&[&["validate", &LAB.data()], &QUICK[..], &cue].concat());
-    let more = ["train", &LAB.data(), "--add", &model, "--output", &path(&folder, "2")];
-    assert!(refused(FAILED, &more).contains("kernel_svm"));
+    let more = path(&folder, "more");
+    write_drives(Path::new(&more), &["monday", "tuesday"]);
+    let grown = path(&folder, "grown");
+    done(&["train", &more, "--add", &model, "--output", &grown]);
+    let shrunk = path(&folder, "shrunk");
+    let told = done(&["forget", &grown, "--drive", "monday", "--room", "dots", "--output", &shrunk]);
+    assert!(told.contains("knows 2 rooms from"), "{told}");
+    let sequences = &json(&["inspect", "--json", &shrunk])["card"]["sequences"];
+    assert_eq!(sequences.as_array().unwrap().last().unwrap(), "tuesday");
+    let never = ["forget", &grown, "--drive", "sunday", "--output", &path(&folder, "never")];
+    assert!(refused(FAILED, &never).contains("no drive called sunday"));
 }
 
 #[test]

@@ -58,11 +58,12 @@ fn answer_to_stripes() -> f32 {
 fn not_a_number(model: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
     let arrays = SafeTensors::deserialize(model).unwrap();
     let floats = [
-        "vocabulary.centers",
-        "svm.weights",
-        "svm.rho",
-        "calibration.slopes",
-        "calibration.offsets",
+        "bag/vocabulary.centers",
+        "bag/svm.weights",
+        "bag/svm.rho",
+        "bag/calibration.slopes",
+        "bag/calibration.offsets",
+        "bag/kept.units",
         "transitions.dwells",
         "transitions.next",
     ];

@@ -1,14 +1,16 @@
 //! Versions that are uploaded: what is looked at before their bodies, and how long these may take.
 
-use crate::models::{manual, other_packed, until};
-use crate::service::{CONTINUE, SOON, Server, models, problem, read_exactly, read_raw};
+use crate::models::{manual, other_packed, packed, until};
+use crate::service::{CONTINUE, OTHER_MODEL, SOON, Server, models, problem, read_exactly, read_raw};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use rawzip::ZipArchiveWriter;
+use roomsight::model::{CarriedNetwork, Digest, Model, NETWORKS_FOLDER, Networks};
 use roomsight::server::Settings;
 use std::fs;
 use std::io::{ErrorKind, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::task::spawn_blocking;
@@ -132,4 +134,72 @@ async fn no_more_uploads_are_taken_at_one_time_than_are_set() {
     problem(refused, 429, "queue-full").await;
     drop(first);
     until(async || put().await.status() == 201).await;
+}
+
+const ONNX: &[u8] = b"passes for a network";
+
+/// The folder of a model that says that it uses a network.
+fn with_network(place: &TempDir) -> PathBuf {
+    let network = CarriedNetwork::new(ONNX.to_vec(), b"size = [224, 224]".to_vec());
+    let networks = Networks::from([("lite0".to_owned(), Arc::new(network))]);
+    let folder = place.path().join("1");
+    OTHER_MODEL.clone().with_networks(networks).save(&folder, &[]).unwrap();
+    folder
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_version_brings_its_network_or_uses_the_one_that_is_there() {
+    let (models, place) = (models(), TempDir::new().unwrap());
+    let server = Server::of(manual(&models)).await;
+    let folder = with_network(&place);
+    let onnx = format!("{NETWORKS_FOLDER}/{}.onnx", Digest::of(ONNX));
+    let bare = fs::read(folder.join("model.safetensors")).unwrap();
+    let put = async |version: u64, body: Vec<u8>| {
+        server.put(&format!("/v1/models/lab/versions/{version}"), body).send().await.unwrap()
+    };
+    let refused = problem(put(2, bare.clone()).await, 422, "not-a-model").await;
+    let told = refused["detail"].as_str().unwrap();
+    assert!(told.contains("its network lite0") && told.contains("networks/"), "{told}");
+    assert!(!told.contains(models.path().to_str().unwrap()), "{told}");
+
+    let answer = put(2, packed(&folder)).await;
+    assert_eq!(answer.status(), 201, "{}", answer.text().await.unwrap());
+    let answer = put(3, bare).await;
+    assert_eq!(answer.status(), 201, "{}", answer.text().await.unwrap());
+    let [second, third] = [2, 3].map(|version| models.path().join(format!("lab/{version}")));
+    #[cfg(unix)]
+    for version in [&second, &third] {
+        let n_links = std::os::unix::fs::MetadataExt::nlink(&fs::metadata(version.join(&onnx)).unwrap());
+        assert_eq!(n_links, 2, "it is kept once");
+    }
+    for version in [2, 3] {
+        assert_eq!(server.activate(version).await.status(), 200);
+    }
+    server.activate(1).await;
+    let deleted = server.delete("/v1/models/lab/versions/2").send().await.unwrap();
+    assert!(deleted.status().is_success(), "{}", deleted.text().await.unwrap());
+    assert!(!second.exists());
+    Model::load(&third).unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_network_that_is_not_the_models_is_refused_and_nothing_is_left() {
+    let (models, place) = (models(), TempDir::new().unwrap());
+    let server = Server::of(manual(&models)).await;
+    let folder = with_network(&place);
+    let network = folder.join(format!("{NETWORKS_FOLDER}/{}.onnx", Digest::of(ONNX)));
+    let stray = folder.join(format!("{NETWORKS_FOLDER}/{}.onnx", Digest::of(b"another")));
+    for (path, content, reason) in [
+        (&network, b"PASSES for a network".as_slice(), "digest"),
+        (&network, &ONNX[..9], "9 bytes"),
+        (&stray, b"another", "names no such network"),
+    ] {
+        fs::write(path, content).unwrap();
+        let put = server.put("/v1/models/lab/versions/2", packed(&folder)).send().await.unwrap();
+        let refused = problem(put, 422, "not-a-model").await;
+        assert!(refused["detail"].as_str().unwrap().contains(reason), "{reason}: {refused}");
+        fs::write(&network, ONNX).unwrap();
+    }
+    assert!(!models.path().join("lab/2").exists());
+    until(async || staged(&models) == 0).await;
 }

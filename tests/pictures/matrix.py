@@ -1,8 +1,9 @@
-"""Writes pictures of every kind into a folder, each with the luma that Pillow reads in it.
+"""Writes pictures of every kind into a folder, each with the luma and the colors that Pillow reads in it.
 
     python matrix.py FOLDER
 
 A picture NAME has its luma in NAME.luma: width and height as 32-bit numbers, least byte first, then the pixels.
+Where it has colors, red, green and blue of each pixel follow.
 Pictures that Pillow does not read are left out.
 """
 
@@ -33,6 +34,19 @@ def luma(data):
         # With the size it is not scaled.
         picture.draft("L" if picture.mode == "RGB" and has_luma(data) else picture.mode, picture.size)
     pixels = picture.convert("RGB").convert("L") if picture.mode == "CMYK" else picture.convert("L")
+    return np.asarray(upright(pixels, picture, turned_by))
+
+
+def colors(data):
+    """Red, green and blue as Pillow reads them; upright; `None` of a gray picture."""
+    picture = Image.open(io.BytesIO(data))
+    if picture.mode in ("1", "L", "LA", "I", "I;16", "I;16B"):
+        return None
+    turned_by = picture.getexif().get(0x0112, 1)
+    return np.asarray(upright(picture.convert("RGB"), picture, turned_by))
+
+
+def upright(pixels, picture, turned_by):
     # Asking before reading: PNG tells EXIF behind its pixels only afterwards.
     turned_by = picture.getexif().get(0x0112, turned_by)
     ways = {
@@ -44,7 +58,7 @@ def luma(data):
         7: Image.Transpose.TRANSVERSE,
         8: Image.Transpose.ROTATE_90,
     }
-    return np.asarray(pixels.transpose(ways[turned_by]) if turned_by in ways else pixels)
+    return pixels.transpose(ways[turned_by]) if turned_by in ways else pixels
 
 
 def has_luma(data):
@@ -263,14 +277,15 @@ def main(folder):
     for extension, generators in kinds.items():
         for name, data in itertools.chain.from_iterable(generator() for generator in generators):
             try:
-                pixels = luma(data)
+                pixels, colored = luma(data), colors(data)
             except (OSError, SyntaxError, ValueError) as error:
                 left_out.append(f"{name}: {error}")
                 continue
             path = folder / f"{name}.{extension}"
             path.write_bytes(data)
             height, width = pixels.shape
-            path.with_name(path.name + ".luma").write_bytes(struct.pack("<II", width, height) + pixels.tobytes())
+            content = struct.pack("<II", width, height) + pixels.tobytes()
+            path.with_name(path.name + ".luma").write_bytes(content + (b"" if colored is None else colored.tobytes()))
             n_written += 1
     print(f"{n_written} pictures; Pillow does not read {len(left_out)} more")
     return left_out

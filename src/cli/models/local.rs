@@ -1,7 +1,7 @@
 //! Models in a repository, changed without a service.
 
 use super::Target;
-use crate::model::{LoadedModel, Model, TriedModel, try_model};
+use crate::model::{LoadedModel, Model, NetworkEntry, NetworkStore, TriedModel, try_model};
 use crate::protocol::rest::{ModelInfo, VersionInfo, VersionState};
 use crate::repository::package::{Limits, copy, unpack};
 use crate::repository::{
@@ -24,6 +24,9 @@ pub struct Verdict {
     pub version: u64,
     /// The golden frames that it has.
     pub golden_frames: usize,
+    /// The networks that it uses.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub networks: Vec<NetworkEntry>,
     /// Why it would not serve.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub failure: Option<String>,
@@ -54,7 +57,8 @@ impl Local {
         } else {
             copy(model, staged.path()).with_context(|| format!("{} holds no model", model.display()))?;
         }
-        try_model(staged.path(), |_| ())?;
+        self.0.complete(staged.path())?;
+        try_model(staged.path(), &NetworkStore::default(), |_| ())?;
         let before = self.0.scan()?;
         let id = match version {
             Some(version) => VersionId::new(name, version),
@@ -161,15 +165,20 @@ impl Local {
 
     fn verdict(&self, id: &VersionId) -> Verdict {
         let VersionId { name: model, version } = id.clone();
-        let (golden_frames, failure) = match self.try_version(id) {
-            Ok(TriedModel { n_golden_frames, .. }) => (n_golden_frames, None),
-            Err(error) => (0, Some(format!("{error:#}"))),
-        };
-        Verdict { model, version, golden_frames, failure }
+        match self.try_version(id) {
+            Ok(TriedModel { loaded, n_golden_frames: golden_frames }) => {
+                let networks = loaded.model.network_entries();
+                Verdict { model, version, golden_frames, networks, failure: None }
+            }
+            Err(error) => {
+                let failure = Some(format!("{error:#}"));
+                Verdict { model, version, golden_frames: 0, networks: Vec::new(), failure }
+            }
+        }
     }
 
     fn try_version(&self, id: &VersionId) -> anyhow::Result<TriedModel> {
-        Ok(try_model(&self.0.fetch(id)?, |_| ())?)
+        Ok(try_model(&self.0.fetch(id)?, &NetworkStore::default(), |_| ())?)
     }
 
     /// One more than any that there was.

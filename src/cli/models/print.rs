@@ -59,11 +59,12 @@ pub(super) fn version(id: &VersionId, version: &VersionInfo) -> anyhow::Result<(
 
 /// What came of trying versions.
 pub(super) fn verdicts(verdicts: &[Verdict]) -> anyhow::Result<()> {
-    let mut table = output::table(["model", "version", "golden frames", ""]);
-    for Verdict { model, version, golden_frames, failure } in verdicts {
+    let mut table = output::table(["model", "version", "golden frames", "networks", ""]);
+    for Verdict { model, version, golden_frames, networks, failure } in verdicts {
         let [number, golden_frames] = [version.to_string(), golden_frames.to_string()];
+        let networks: Vec<&str> = networks.iter().map(|network| network.name.as_str()).collect();
         let verdict = failure.as_deref().unwrap_or("good").to_owned();
-        table.add_row([model.clone(), number, golden_frames, verdict]);
+        table.add_row([model.clone(), number, golden_frames, networks.join(", "), verdict]);
     }
     Ok(say!("{table}")?)
 }

@@ -55,12 +55,13 @@ mod tests {
     use crate::detect::Keypoint;
     use crate::matrix::Matrix;
     use crate::model::{Features, LocalFeatures, Recognition};
+    use std::sync::Arc;
 
     fn sample(place: &str, n_keypoints: usize) -> Sample {
         let keypoints = vec![Keypoint::new(0.0, 0.0, 1.0); n_keypoints];
         let descriptors = Matrix::zeros(n_keypoints, 1);
         let seen = Seen::Local(LocalFeatures { keypoints, descriptors, spots: Vec::new() });
-        let features = Features { seen: vec![seen], scale: 1.0 };
+        let features = Features { sights: Arc::default(), seen: vec![seen], scale: 1.0 };
         Sample { place: place.to_owned(), sequence: String::new(), name: String::new(), features }
     }
 

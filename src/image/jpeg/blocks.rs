@@ -34,15 +34,31 @@ pub(super) fn sequential(mut block: Block, part: &Part, state: &mut State, bits:
     Some(())
 }
 
-/// Reads past a block that nobody wants.
+/// Reads past a block that the luma does without, and into `block` where there is one. What others refuse, a
+/// coefficient beyond the last, is let pass: the luma behind it must not depend on who wants colors.
 #[inline(always)]
-pub(super) fn pass_over(part: &Part, bits: &mut Bits) -> Option<()> {
+pub(super) fn pass_over(
+    mut block: Option<Block>,
+    part: &Part,
+    state: &mut State,
+    bits: &mut Bits,
+) -> Option<()> {
     let (dc, ac) = (part.dc?, part.ac?);
-    dc.difference(bits)?;
+    let difference = dc.difference(bits)?;
+    if let Some(block) = &mut block {
+        state.last = state.last.wrapping_add(difference);
+        *block.at(0) = state.last;
+    }
     let mut k = 1;
     while k < 64 {
         match ac.code(bits)? {
-            Code::Value { run, .. } => k += run + 1,
+            Code::Value { run, value } => {
+                k += run;
+                if let (Some(block), Some(&position)) = (&mut block, ZIGZAG.get(k)) {
+                    *block.at(usize::from(position)) = value;
+                }
+                k += 1;
+            }
             Code::Empty { run: 15 } => k += 16,
             Code::Empty { .. } => break,
         }

@@ -52,6 +52,9 @@ pub(super) struct Component {
     pub quantization: Option<[i32; 64]>,
     /// Whether its samples are wanted.
     pub is_wanted: bool,
+    /// Whether it colors what is there without it: the picture is read as if it were not wanted, and has no
+    /// colors where it cannot be read.
+    pub only_colors: bool,
     /// Blocks that hold pixels of the frame, across and down.
     pub n_blocks: [usize; 2],
     /// The same with those that only fill up the last groups of blocks, and those that are transformed at
@@ -118,6 +121,7 @@ impl Frame {
                 table_number: usize::from(table),
                 quantization: None,
                 is_wanted: true,
+                only_colors: false,
                 n_blocks: [
                     (width * factors.across).div_ceil(8 * largest.across),
                     (height * factors.down).div_ceil(8 * largest.down),
@@ -145,15 +149,35 @@ impl Frame {
         [(self.width * side).div_ceil(8), (self.height * side).div_ceil(8)]
     }
 
-    /// The bytes that reading it takes when blocks become `side` samples wide.
+    /// The bytes that reading it takes when blocks become `side` samples wide; what only colors is left out.
     pub(super) fn memory_at(&self, side: usize) -> u64 {
-        let planes = self.components.iter().filter(|component| component.is_wanted).map(|component| {
+        let [width, height] = self.size_at(side).map(|side| side as u64);
+        self.memory_of_planes(side, Component::is_needed) + width * height
+    }
+
+    /// The bytes that colors take beside [`Frame::memory_at`].
+    pub(super) fn memory_of_colors_at(&self, side: usize) -> u64 {
+        let [width, height] = self.size_at(side).map(|side| side as u64);
+        let n_full_planes = self.components.iter().filter(|component| component.only_colors).count() as u64;
+        self.memory_of_planes(side, |component| component.only_colors) + (n_full_planes + 3) * width * height
+    }
+
+    fn memory_of_planes(&self, side: usize, is_meant: impl Fn(&Component) -> bool) -> u64 {
+        let planes = self.components.iter().filter(|&component| is_meant(component)).map(|component| {
             let [across, down] = component.n_padded.map(|n_blocks| n_blocks as u64);
             let rows_kept = if self.is_progressive { down } else { component.factors.down as u64 };
             across * (down * (side * side) as u64 + rows_kept * (size_of::<BlockGroup>() / BLOCKS) as u64)
         });
-        let [width, height] = self.size_at(side).map(|side| side as u64);
-        planes.sum::<u64>() + width * height
+        planes.sum()
+    }
+
+    /// Goes on without what only colors.
+    pub(super) fn give_up_colors(&mut self) {
+        for component in self.components.iter_mut().filter(|component| component.only_colors) {
+            component.is_wanted = false;
+            component.groups = Vec::new();
+            component.samples = Vec::new();
+        }
     }
 
     /// Makes room for all wanted planes, whose blocks become `side` samples wide.
@@ -216,6 +240,11 @@ impl<'a> Block<'a> {
 }
 
 impl Component {
+    /// Whether there is no picture without it.
+    pub(super) fn is_needed(&self) -> bool {
+        self.is_wanted && !self.only_colors
+    }
+
     /// Turns kept rows of blocks into samples: `n_rows` of them, of which the first is `row` in the plane.
     pub(super) fn transform(&mut self, row: usize, n_rows: usize) {
         let Some(quantization) = &self.quantization else { return };

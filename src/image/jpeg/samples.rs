@@ -1,4 +1,4 @@
-//! Planes of samples to the luma of the frame.
+//! Planes of samples to the luma and the colors of the frame.
 
 use super::super::luma_of;
 use super::frame::{Component, Frame};
@@ -11,32 +11,77 @@ struct Plane {
     samples: Vec<u8>,
 }
 
-/// The luma of all pixels, row after row.
-pub(super) fn luma(frame: &mut Frame, colors: Colors, side: usize) -> Result<Vec<u8>, ImageError> {
+/// All pixels, row after row.
+pub(super) struct Pixels {
+    pub luma: Vec<u8>,
+    /// Red, green and blue of each.
+    pub colors: Option<Vec<u8>>,
+}
+
+/// What the planes show: the luma that is stored or that of the colors, and those where they are wanted.
+pub(super) fn pixels(
+    frame: &mut Frame,
+    colors: Colors,
+    side: usize,
+    with_colors: bool,
+) -> Result<Pixels, ImageError> {
     let size = frame.size_at(side);
     let mut planes = Vec::new();
     for component_idx in 0..frame.components.len() {
-        if frame.components[component_idx].is_wanted {
+        if frame.components[component_idx].is_needed() {
             planes.push(full_plane(frame, component_idx, size)?);
         }
     }
     let mut planes = planes.into_iter();
     let (Some(first), second, third, key) = (planes.next(), planes.next(), planes.next(), planes.next())
     else {
-        return Ok(Vec::new());
+        return Ok(Pixels { luma: Vec::new(), colors: None });
     };
-    let (Some(second), Some(third)) = (second, third) else { return Ok(first) };
+    let (Some(second), Some(third)) = (second, third) else {
+        let colors = colored(frame, &first, size);
+        return Ok(Pixels { luma: first, colors });
+    };
     let inks = first.iter().zip(&second).zip(&third).map(|((&a, &b), &c)| [a, b, c]);
-    let Some(key) = key else { return Ok(inks.map(luma_of).collect()) };
+    let Some(key) = key else { return Ok(of_rgb(inks, with_colors)) };
     // What printers would leave of white, as Adobe's programs store it.
     let printed = |([a, b, c], key): ([u8; 3], &u8)| {
         let left = match colors {
             Colors::Ycck => rgb_of([a, b, c]),
             _ => [255 - a, 255 - b, 255 - c],
         };
-        luma_of(left.map(|ink| key - product(ink, *key)))
+        left.map(|ink| key - product(ink, *key))
     };
-    Ok(inks.zip(&key).map(printed).collect())
+    Ok(of_rgb(inks.zip(&key).map(printed), with_colors))
+}
+
+/// Pixels of which red, green and blue are known.
+fn of_rgb(rgb: impl ExactSizeIterator<Item = [u8; 3]>, with_colors: bool) -> Pixels {
+    if !with_colors {
+        return Pixels { luma: rgb.map(luma_of).collect(), colors: None };
+    }
+    let mut luma = Vec::with_capacity(rgb.len());
+    let mut colors = vec![0; 3 * rgb.len()];
+    for (color, rgb) in colors.as_chunks_mut().0.iter_mut().zip(rgb) {
+        *color = rgb;
+        luma.push(luma_of(rgb));
+    }
+    Pixels { luma, colors: Some(colors) }
+}
+
+/// Red, green and blue of pixels of this luma; `None` without planes that color it.
+fn colored(frame: &mut Frame, luma: &[u8], size: [usize; 2]) -> Option<Vec<u8>> {
+    let is_color = |&idx: &usize| frame.components[idx].is_wanted && frame.components[idx].only_colors;
+    let idxs: Vec<usize> = (0..frame.components.len()).filter(is_color).collect();
+    let &[blue, red] = idxs.as_slice() else { return None };
+    // What planes of sizes that do not fit are good for is not known.
+    let blue = full_plane(frame, blue, size).ok()?;
+    let red = full_plane(frame, red, size).ok()?;
+    let mut colors = vec![0; 3 * luma.len()];
+    let samples = luma.iter().zip(&blue).zip(&red);
+    for (color, ((&luma, &blue), &red)) in colors.as_chunks_mut().0.iter_mut().zip(samples) {
+        *color = rgb_of([luma, blue, red]);
+    }
+    Some(colors)
 }
 
 /// `a` times `b`, where 255 is one.

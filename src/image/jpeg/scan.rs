@@ -166,7 +166,11 @@ impl Walk<'_> {
                 let first = block_row * component.n_padded[0] + column * across;
                 for idx in first..first + across {
                     match (is_progressive, component.is_wanted) {
-                        (false, false) => blocks::pass_over(part, bits)?,
+                        (false, false) => blocks::pass_over(None, part, state, bits)?,
+                        (false, true) if component.only_colors => {
+                            let block = Block::of(&mut component.groups, idx);
+                            blocks::pass_over(Some(block), part, state, bits)?;
+                        }
                         (false, true) => {
                             let block = Block::of(&mut component.groups, idx);
                             blocks::sequential(block, part, state, bits)?;
@@ -204,10 +208,10 @@ impl Walk<'_> {
         }
     }
 
-    /// Notes groups that could not be read.
+    /// Notes groups that could not be read, unless they only color.
     fn miss(&mut self, groups: Range<usize>) {
-        let is_wanted = |part: &Part| self.frame.components[part.component_idx].is_wanted;
-        if !groups.is_empty() && self.scan.parts.iter().any(is_wanted) {
+        let is_needed = |part: &Part| self.frame.components[part.component_idx].is_needed();
+        if !groups.is_empty() && self.scan.parts.iter().any(is_needed) {
             let is_first = self.scan.pass.band.start == 0 && self.scan.pass.is_first();
             let state = if is_first { RowState::Missing } else { RowState::Coarse };
             self.frame.note(self.grid.rows(groups), state);

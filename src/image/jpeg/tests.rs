@@ -1,4 +1,4 @@
-use super::super::{Image, ImageError, Limits};
+use super::super::{Image, ImageError, Limits, luma_of};
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, GrayImage, ImageEncoder, Luma};
 use proptest::prelude::*;
@@ -32,6 +32,10 @@ fn decoded(bytes: &[u8]) -> Image {
 
 fn refusal(bytes: &[u8]) -> ImageError {
     Image::decode(bytes, &Limits::default()).unwrap_err()
+}
+
+fn decoded_with_colors(bytes: &[u8]) -> Image {
+    Image::decode_with_colors(bytes, &Limits::default()).unwrap()
 }
 
 /// Where a marker begins.
@@ -172,6 +176,65 @@ fn nothing_may_come_twice() {
     assert!(refusal(&twice).to_string().contains("follow each other"));
 }
 
+#[test]
+fn colors_are_those_of_the_chroma_planes() {
+    for bytes in ALL {
+        let (plain, colored) = (decoded(bytes), decoded_with_colors(bytes));
+        assert_eq!((plain.colors(), plain.pixels()), (None, colored.pixels()));
+        let colors = colored.colors().unwrap().as_chunks().0;
+        let is_colored = |&[red, green, blue]: &[u8; 3]| red.abs_diff(green).max(green.abs_diff(blue)) > 40;
+        assert!(colors.iter().any(is_colored));
+        for (&[red, green, blue], &luma) in colors.iter().zip(plain.pixels()) {
+            let is_within = [red, green, blue].iter().all(|&value| (1..255).contains(&value));
+            assert!(!is_within || luma_of([red, green, blue]).abs_diff(luma) <= 1);
+        }
+    }
+    assert_eq!(decoded_with_colors(TOGETHER), decoded_with_colors(small!("apart")));
+    assert_eq!(decoded_with_colors(&large()).colors(), None, "gray");
+}
+
+#[test]
+fn colors_that_do_not_come_are_done_without() {
+    let apart = small!("apart");
+    let scans: Vec<usize> =
+        (0..apart.len() - 1).filter(|&at| apart[at..].starts_with(&[0xFF, 0xDA])).collect();
+    let whole = decoded_with_colors(apart);
+    // Without the last scan, with a part of it, and with one that makes no sense.
+    let without = decoded_with_colors(&apart[..scans[2]]);
+    assert_eq!((without.colors(), without.damaged_rows()), (None, 0));
+    assert_eq!(without, decoded(apart));
+    let in_part = decoded_with_colors(&apart[..apart.len() - 60]);
+    assert_eq!((in_part.pixels(), in_part.damaged_rows()), (whole.pixels(), 0));
+    let [first, last] =
+        [|colors: &[u8]| colors[..3].to_vec(), |colors: &[u8]| colors[colors.len() - 3..].to_vec()];
+    let [part, all] = [&in_part, &whole].map(|image| image.colors().unwrap());
+    assert_eq!(first(part), first(all));
+    assert_ne!(last(part), last(all));
+    let mut senseless = apart.to_vec();
+    senseless[scans[2] + 4] = 9;
+    assert_eq!(decoded_with_colors(&senseless), decoded(apart));
+}
+
+#[test]
+fn missing_rows_have_no_color() {
+    let cut = decoded_with_colors(&TOGETHER[..TOGETHER.len() * 2 / 3]);
+    assert!(cut.damaged_rows() > 0);
+    assert_eq!(cut.colors().unwrap().last_chunk(), Some(&[128; 3]));
+}
+
+#[test]
+fn colors_take_memory() {
+    let (whole, [width, height]) =
+        (decoded(TOGETHER), [decoded(TOGETHER).width(), decoded(TOGETHER).height()]);
+    let n_pixels = (width * height) as u64;
+    let at =
+        |max_memory: u64| Image::decode_with_colors(TOGETHER, &Limits { max_memory, ..Limits::default() });
+    // More than luma alone takes, and less than luma, two planes of chroma and three bytes a pixel.
+    let enough = (1..).map(|n| n * n_pixels).find(|&memory| at(memory).is_ok()).unwrap();
+    assert_eq!(at(enough), Ok(whole));
+    assert!(at(enough + 8 * n_pixels).unwrap().colors().is_some());
+}
+
 fn large() -> Vec<u8> {
     let picture = GrayImage::from_fn(401, 203, |x, y| Luma([(x / 3 + y / 2) as u8]));
     let mut bytes = Vec::new();
@@ -219,7 +282,10 @@ proptest! {
         }
         bytes.truncate(bytes.len() / 2 + length.index(bytes.len() / 2) + 1);
         let limits = Limits { max_pixels, enough_side: 1, ..Limits::default() };
-        match Image::decode(&bytes, &limits) {
+        let colored = Image::decode_with_colors(&bytes, &limits);
+        let uncolored = colored.map(|image| Image { colors: None, ..image });
+        prop_assert_eq!(&uncolored, &Image::decode(&bytes, &limits));
+        match uncolored {
             Ok(image) => {
                 prop_assert_eq!(image.pixels().len(), image.width() * image.height());
                 if let Some(visible) = image.visible() {

@@ -3,12 +3,12 @@
 use super::super::arrays::{Array, Arrays, require};
 use super::super::calibration::Way;
 use super::super::format::FormatError;
+use super::super::lens::Lens;
 use super::super::sight::{LocalFeatures, Seen, Sight};
 use super::super::{AddError, TrainError};
 use super::kept::KeptRows;
 use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Shape, Size};
 use crate::boost::{self, Boost, Stump};
-use crate::camera::CameraKind;
 use crate::describe::Descriptor;
 use crate::detect::Detector;
 use crate::labeled::LabeledError;
@@ -16,7 +16,7 @@ use crate::matrix::Matrix;
 use crate::svm::{
     self, DualSvm, IncrementalSvm, KernelFunction, KernelSvm, LinearSvm, MatchSvm, Scheme, SvmError,
 };
-use crate::vocabulary::{self, Vocabulary};
+use crate::vocabulary::{self, Described, Vocabulary};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -97,13 +97,8 @@ impl MachinesConfig {
         Sight::Keypoints { detector: self.detector.clone(), descriptor: self.descriptor.clone() }
     }
 
-    /// The same for frames of a camera.
-    pub(super) fn for_camera(&self, camera: CameraKind) -> Self {
-        let mut config = self.clone();
-        if let Representation::Bag(bag) = &mut config.representation {
-            bag.pooling = bag.pooling.for_camera(camera);
-        }
-        config
+    pub(super) fn lens_mut(&mut self) -> Option<&mut Lens> {
+        None
     }
 
     pub(super) fn check(&self) -> Result<(), String> {
@@ -191,7 +186,8 @@ impl Recognizer for Machines {
             let svm = MatchSvm::train_over((&descriptors, &gram), labels, n_classes, config)?;
             return with(Kind::Match(svm), KeptRows::default());
         };
-        let vocabulary = Vocabulary::train(&descriptors, bag, prepared.seed)?;
+        let frames: Vec<Described> = local.iter().map(|local| local.described()).collect();
+        let vocabulary = Vocabulary::train(&frames, bag, prepared.seed)?;
         let rows = bags(&vocabulary, &local);
         match &config.classifier {
             Classifier::LinearSvm(config) => {
@@ -394,7 +390,7 @@ impl Kind {
         require(centers.n_cols() == n_dimensions, "its words fit no descriptor")?;
         require(centers.n_rows() == bag.n_words, "its vocabulary has another number of words than it says")?;
         require(are_units(&centers), "a word is no mean of descriptors")?;
-        let vocabulary = Vocabulary::new(centers, bag);
+        let vocabulary = Vocabulary::new(centers, bag, shape.camera.sees_all_around());
         let n_columns = vocabulary.n_columns();
         let kind = match &config.classifier {
             Classifier::LinearSvm(config) => {

@@ -1,16 +1,11 @@
 //! Machines over the local binary patterns of the whole frame.
 
-use super::super::arrays::{Array, Arrays};
 use super::super::calibration::Way;
-use super::super::format::FormatError;
-use super::super::sight::{Seen, Sight};
-use super::super::{AddError, TrainError};
-use super::kept::KeptRows;
-use super::machines::LinearArrays;
-use super::{Added, Chosen, Clue, Left, Recognizer, Shape, Size};
+use super::super::lens::Lens;
+use super::super::sight::Sight;
+use super::whole::{Whole, WholeConfig};
 use crate::describe::FrameLbp;
-use crate::matrix::Matrix;
-use crate::svm::{self, LinearSvm};
+use crate::svm;
 use serde::{Deserialize, Serialize};
 
 /// Support vector machines with the linear kernel, one a room, over histograms of the whole frame. The defaults
@@ -35,6 +30,10 @@ impl PatternsConfig {
         Sight::Patterns(self.histograms.clone())
     }
 
+    pub(super) fn lens_mut(&mut self) -> Option<&mut Lens> {
+        None
+    }
+
     pub(super) fn check(&self) -> Result<(), String> {
         self.machines().check().map_err(|error| error.to_string())
     }
@@ -50,103 +49,13 @@ impl PatternsConfig {
     pub(super) fn prior_weight(&self) -> f64 {
         0.5
     }
+}
 
-    /// How its machines are trained.
+impl WholeConfig for PatternsConfig {
     fn machines(&self) -> svm::Config {
         svm::Config { c: self.c, ..svm::Config::default() }
     }
 }
 
-/// The machines, and the rows that they were trained on.
-#[derive(Clone, Debug)]
-pub(in crate::model) struct Patterns {
-    config: PatternsConfig,
-    svm: LinearSvm,
-    kept: KeptRows,
-}
-
-impl Patterns {
-    /// Trains on kept rows alone, so that it does not matter when they came.
-    fn of_kept(
-        config: &PatternsConfig,
-        kept: KeptRows,
-        labels: &[usize],
-        n_places: usize,
-    ) -> Result<Self, svm::SvmError> {
-        let svm = LinearSvm::train(&kept.rows(), labels, n_places, &config.machines())?;
-        Ok(Self { config: config.clone(), svm, kept })
-    }
-}
-
-impl Recognizer for Patterns {
-    type Config = PatternsConfig;
-    type Prepared = ();
-
-    fn prepare(_: &PatternsConfig, _: &[&Seen], _: u64) -> Result<(), TrainError> {
-        Ok(())
-    }
-
-    fn train(
-        config: &PatternsConfig,
-        (): &(),
-        frames: &[&Seen],
-        chosen: &Chosen,
-    ) -> Result<Self, TrainError> {
-        let rows = rows_of(chosen.frame_idxs.iter().map(|&idx| frames[idx]));
-        let svm = LinearSvm::train(&rows, chosen.labels, chosen.n_classes, &config.machines())?;
-        Ok(Self { config: config.clone(), svm, kept: KeptRows::new(&rows) })
-    }
-
-    fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>> {
-        seen.whole().map(|values| self.svm.decision_values(values))
-    }
-
-    fn check_addition(&self) -> Result<(), AddError> {
-        self.kept.check()
-    }
-
-    fn add(&self, added: &Added) -> Result<Self, AddError> {
-        let rows = rows_of(added.frames.iter().copied());
-        let kept = self.kept.with(&rows, added).ok_or(AddError::NothingKept)?;
-        Ok(Self::of_kept(&self.config, kept, added.labels, added.n_places)?)
-    }
-
-    fn without(&self, left: &Left) -> Result<Self, AddError> {
-        let kept = self.kept.left(left).ok_or(AddError::NothingKept)?;
-        Ok(Self::of_kept(&self.config, kept, left.labels, left.n_places)?)
-    }
-
-    fn clues(&self, _: &Seen, _: usize) -> Vec<Clue> {
-        Vec::new()
-    }
-
-    fn to_arrays(&self) -> Vec<Array> {
-        let mut arrays = LinearArrays::write(&self.svm);
-        arrays.extend(self.kept.to_arrays());
-        arrays
-    }
-
-    fn from_arrays(config: &PatternsConfig, shape: Shape, arrays: &Arrays) -> Result<Self, FormatError> {
-        let svm = LinearArrays { scheme: config.machines().scheme, n_features: shape.n_dimensions };
-        let svm = svm.read(shape, arrays)?;
-        let kept = KeptRows::from_arrays(shape.n_dimensions, shape, arrays)?;
-        Ok(Self { config: config.clone(), svm, kept })
-    }
-
-    fn size(&self) -> Size {
-        Size {
-            n_support_vectors: self.svm.n_support_vectors().to_vec(),
-            n_kept: self.kept.n_rows(),
-            ..Size::default()
-        }
-    }
-}
-
-/// One row a frame.
-fn rows_of<'a>(frames: impl Iterator<Item = &'a Seen>) -> Matrix {
-    let mut rows: Option<Matrix> = None;
-    for values in frames.filter_map(Seen::whole) {
-        rows.get_or_insert_with(|| Matrix::new(values.len())).push_row(values);
-    }
-    rows.unwrap_or_else(|| Matrix::new(1))
-}
+/// The machines.
+pub(in crate::model) type Patterns = Whole<PatternsConfig>;

@@ -1,6 +1,9 @@
 //! Against a real S3 server: moto's, which `make test-python` installs. ROOMSIGHT_MOTO_SERVER names another.
 
+mod networks;
+
 use super::*;
+use crate::model::GOLDEN_FOLDER;
 use std::io::{BufRead, BufReader, Read};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};

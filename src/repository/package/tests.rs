@@ -99,6 +99,64 @@ fn the_notations_of_other_programs_are_read() {
     assert_eq!((read(&long), read("golden/m\u{fc}ll.jpg")), ("long".to_owned(), "pax".to_owned()));
 }
 
+/// What passes for a model that uses a network, and the network.
+fn with_network(digest: &str) -> [(String, Vec<u8>); 4] {
+    let entry = serde_json::json!({
+        "name": "lite0", "blake3": Digest::of(b"a network"), "n_bytes": 9, "toml_blake3": Digest::of(b""),
+    });
+    let about = serde_json::json!({ "blake3": Digest::of(b"a model"), "networks": [entry] });
+    [
+        (format!("networks/{digest}.onnx"), b"a network".to_vec()),
+        (format!("networks/{digest}.toml"), Vec::new()),
+        ("model.json".to_owned(), about.to_string().into_bytes()),
+        ("model.safetensors".to_owned(), b"a model".to_vec()),
+    ]
+}
+
+#[test]
+fn the_networks_that_a_model_names_come_out_as_they_went_in() {
+    let files = with_network(&Digest::of(b"a network").to_string());
+    let folder = TempDir::new().unwrap();
+    fs::create_dir(folder.path().join(NETWORKS_FOLDER)).unwrap();
+    for (name, content) in &files {
+        fs::write(folder.path().join(name), content).unwrap();
+    }
+    fs::write(folder.path().join("networks/notes.txt"), "none of the version's").unwrap();
+    let mut packed = Vec::new();
+    pack(folder.path(), &mut packed).unwrap();
+    let wrapped = files.each_ref().map(|(name, content)| (format!("7/{name}"), content.as_slice()));
+    let mut wrapped = wrapped.each_ref().map(|(name, content)| (name.as_str(), *content)).to_vec();
+    wrapped.insert(0, ("7/networks/", b""));
+    let bare = files.each_ref().map(|(name, content)| (name.as_str(), content.as_slice()));
+    for body in [packed, zipped(&wrapped, true), zipped(&bare, false)] {
+        let (folder, result) = unpacked(&body, &Limits::default());
+        result.unwrap();
+        for (name, content) in &files {
+            assert_eq!(fs::read(folder.path().join("into").join(name)).unwrap(), *content, "{name}");
+        }
+        assert_eq!(fs::read_dir(folder.path().join("into/networks")).unwrap().count(), 2);
+    }
+    let large = Limits { max_network_bytes: 8, ..Limits::default() };
+    let told = unpacked(&zipped(&bare, true), &large).1.unwrap_err().to_string();
+    assert!(told.contains("more than 8 bytes"), "{told}");
+}
+
+#[test]
+fn what_is_no_network_of_the_model_is_refused_by_name() {
+    let digest = Digest::of(b"a network").to_string();
+    for wrong in [&Digest::of(b"another").to_string(), &digest.to_uppercase(), "lite0", "..", "../model", ""]
+    {
+        let files = with_network(wrong);
+        let entries = files.each_ref().map(|(name, content)| (name.as_str(), content.as_slice()));
+        let told = refused(&zipped(&entries, false));
+        assert!(told.contains(&format!("networks/{wrong}.")) && told.contains("does not belong"), "{told}");
+    }
+    for name in ["networks/deeper/", "networks/a.onnx/", "networks"] {
+        let told = refused(&zipped(&[(name, b"")], false));
+        assert!(told.contains(name), "{told}");
+    }
+}
+
 fn gzipped(body: &[u8]) -> Vec<u8> {
     let mut encoder = GzEncoder::new(Vec::new(), Compression::fast());
     encoder.write_all(body).unwrap();
@@ -291,7 +349,13 @@ fn what_does_not_belong_in_a_version_is_refused_by_name() {
 
 #[test]
 fn too_much_is_refused() {
-    let limits = Limits { max_entries: 2, max_model_bytes: 9, max_side_file_bytes: 3, max_bytes: 1 << 20 };
+    let limits = Limits {
+        max_entries: 2,
+        max_model_bytes: 9,
+        max_network_bytes: 9,
+        max_side_file_bytes: 3,
+        max_bytes: 1 << 20,
+    };
     let error =
         |entries: &[(&str, EntryType, &[u8])]| unpacked(&tar(entries), &limits).1.unwrap_err().to_string();
     let plain = EntryType::Regular;

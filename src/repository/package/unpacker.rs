@@ -1,7 +1,7 @@
 //! Which entries of an archive are taken, whatever its form, and how much of them.
 
 use super::{Limits, PackageError, copy_error, io_error, is_file_of_version};
-use crate::model::GOLDEN_FOLDER;
+use crate::model::{GOLDEN_FOLDER, NETWORKS_FOLDER};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, Read};
@@ -64,7 +64,7 @@ impl<'a> Unpacker<'a> {
         }
         let path = self.unwrapped(path, kind);
         match kind {
-            Kind::Folder if ["", ".", GOLDEN_FOLDER].contains(&path) => Ok(None),
+            Kind::Folder if ["", ".", GOLDEN_FOLDER, NETWORKS_FOLDER].contains(&path) => Ok(None),
             Kind::Folder => Err(wrong(&name, "no such folder is needed")),
             Kind::Other => Err(wrong(&name, "only plain files are taken, no links, devices or sparse files")),
             Kind::File if path.split('/').any(|part| part.len() > MAX_NAME_BYTES) => {
@@ -100,7 +100,8 @@ impl<'a> Unpacker<'a> {
         let wrapper = self.wrapper.get_or_insert_with(|| {
             let (first, rest) = path.split_once('/').unwrap_or((path, ""));
             let wraps = kind == Kind::Folder || !rest.is_empty();
-            (wraps && !["", ".", "..", GOLDEN_FOLDER].contains(&first)).then(|| first.to_owned())
+            (wraps && !["", ".", "..", GOLDEN_FOLDER, NETWORKS_FOLDER].contains(&first))
+                .then(|| first.to_owned())
         });
         match wrapper.as_deref().and_then(|wrapper| path.strip_prefix(wrapper)) {
             Some("") => "",

@@ -143,6 +143,7 @@ impl Registry {
     /// # Errors
     /// A model that does not work, a version that is there already, a repository that cannot be written.
     pub fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), ChangeError> {
+        self.repository.complete(staged.path())?;
         let loading = lock(&self.loading);
         self.try_folder(staged.path(), |_| ())?;
         drop(loading);
@@ -261,7 +262,7 @@ impl Registry {
     /// Verifies, loads and tries a model; where frames may come, on a thread that stands aside for them. Whoever
     /// calls this holds `loading`.
     fn try_folder(&self, folder: &Path, on_stage: impl FnMut(Stage) + Send) -> Result<Loaded, Failure> {
-        let work = || try_model(folder, on_stage);
+        let work = || try_model(folder, &self.networks, on_stage);
         let tried = if self.is_open.load(Ordering::Relaxed) { aside(work) } else { work() };
         let LoadedModel { model, digest } = tried?.loaded;
         Ok(Loaded { model: Arc::new(model), digest })

@@ -4,6 +4,7 @@
 use super::served::Table;
 use super::state::{Loaded, Version};
 use super::{Book, ChangeError, Entry, Registry, RegistryError, lock};
+use crate::model::NetworkStore;
 use crate::repository::{Change, Listing, Record, Repository, RepositoryError, Scan, VersionId};
 use crate::server::events::Events;
 use crate::server::metrics::{Metrics, SwapKind};
@@ -37,6 +38,7 @@ impl Registry {
             looking: Mutex::default(),
             loading: Mutex::default(),
             is_open: AtomicBool::new(false),
+            networks: NetworkStore::default(),
             events,
             metrics,
         };

@@ -42,12 +42,13 @@ class Timings:
 
 @dataclass(frozen=True)
 class KeypointEvidence:
-    """How much one keypoint, at column ``x`` and row ``y`` of the frame, spoke for the room."""
+    """How much one keypoint, at column ``x`` and row ``y`` of the frame, spoke for the room, as an opinion saw it."""
 
     x: float
     y: float
-    word: int
+    opinion: str
     weight: float
+    word: Optional[int] = None
 
 
 @dataclass(frozen=True)

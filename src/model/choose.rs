@@ -1,0 +1,120 @@
+//! Which opinions a model has, chosen by held-out frames among a few candidates.
+
+use super::{Config, HeldOut, TrainError, Trials};
+use serde::{Deserialize, Serialize};
+
+/// A configuration that may be chosen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// What people call it.
+    pub name: String,
+    /// What it would train.
+    pub config: Config,
+}
+
+/// How a candidate did on held-out frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tally {
+    /// What people call it.
+    pub name: String,
+    /// The opinions it has.
+    pub opinions: Vec<String>,
+    /// Frames answered with the right room.
+    pub n_right: usize,
+    /// Frames answered.
+    pub n_frames: usize,
+}
+
+/// What was chosen, and why.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Choice {
+    /// The index of the chosen one.
+    pub chosen: usize,
+    /// How all candidates did, in the order of preference.
+    pub tallies: Vec<Tally>,
+}
+
+impl Choice {
+    /// The chosen one.
+    pub fn tally(&self) -> &Tally {
+        &self.tallies[self.chosen]
+    }
+}
+
+/// All opinions of some candidates together: what is tried to choose among them. `None` without candidates.
+pub fn all_opinions(candidates: &[Candidate]) -> Option<Config> {
+    let (first, others) = candidates.split_first()?;
+    let mut config = first.config.clone();
+    for other in others {
+        config.opinions.extend(other.config.opinions.clone());
+    }
+    Some(config)
+}
+
+/// Chooses the candidate that answered the held-out frames best. Candidates come in the order of preference: a later one
+/// is taken only where it is right on more frames than the best before it by over a standard error, that is, by
+/// more than the square root of the number of frames on which exactly one of both is right (McNemar, "Note on the sampling
+/// error of the difference between correlated proportions or percentages", Psychometrika 1947). Without held-out frames it is
+/// the first.
+///
+/// # Errors
+/// No calibration.
+///
+/// # Panics
+/// Without candidates.
+pub fn choose(trials: &Trials, candidates: &[Candidate]) -> Result<Choice, TrainError> {
+    let mut tallies = Vec::with_capacity(candidates.len());
+    let mut right_frames: Vec<Vec<bool>> = Vec::with_capacity(candidates.len());
+    let mut chosen = 0;
+    for (idx, candidate) in candidates.iter().enumerate() {
+        let held_out = trials.held_out(&candidate.config)?;
+        let is_right = trials.is_right(&held_out);
+        tallies.push(Tally {
+            name: candidate.name.clone(),
+            opinions: candidate.config.opinions.keys().cloned().collect(),
+            n_right: is_right.iter().filter(|&&is_right| is_right).count(),
+            n_frames: held_out.len(),
+        });
+        right_frames.push(is_right);
+        if is_clearly_better(&right_frames[idx], &right_frames[chosen]) {
+            chosen = idx;
+        }
+    }
+    Ok(Choice { chosen, tallies })
+}
+
+/// Frames count as they come, one flag a sample; see [`choose`].
+fn is_clearly_better(candidate: &[bool], best: &[bool]) -> bool {
+    let only =
+        |one: &[bool], other: &[bool]| one.iter().zip(other).filter(|(one, other)| **one && !**other).count();
+    let (gained, lost) = (only(candidate, best), only(best, candidate));
+    gained > lost && (gained - lost).pow(2) > gained + lost
+}
+
+impl Trials<'_> {
+    /// Whether each sample was answered, and with its room.
+    fn is_right(&self, held_out: &[HeldOut]) -> Vec<bool> {
+        let mut is_right = vec![false; self.n_samples()];
+        for answer in held_out {
+            is_right[answer.sample_idx] = self.shows(answer.sample_idx, answer.recognition.place_idx);
+        }
+        is_right
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_later_candidate_is_taken_only_where_it_is_clearly_better() {
+        let frames = |n_right: usize| (0..20).map(|idx| idx < n_right).collect::<Vec<_>>();
+        assert!(is_clearly_better(&frames(12), &frames(10)));
+        assert!(!is_clearly_better(&frames(11), &frames(10)), "one frame is no evidence");
+        assert!(!is_clearly_better(&frames(10), &frames(12)));
+        // Right on seven others, wrong on six that were right.
+        let crossed: Vec<bool> = (0..20).map(|idx| (6..17).contains(&idx)).collect();
+        assert!(!is_clearly_better(&crossed, &frames(10)));
+        assert!(!is_clearly_better(&[], &[]));
+    }
+}

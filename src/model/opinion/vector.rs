@@ -1,0 +1,60 @@
+//! Machines over what a network says of the whole frame.
+
+use super::super::calibration::Way;
+use super::super::lens::Lens;
+use super::super::sight::Sight;
+use super::whole::{Whole, WholeConfig};
+use crate::svm;
+use serde::{Deserialize, Serialize};
+
+/// Support vector machines with the linear kernel, one a room, over the vector of a network. The defaults were
+/// chosen on held-out frames (docs/RESULTS.md).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct VectorConfig {
+    /// The network.
+    pub lens: Lens,
+    /// The cost C of an error of the machines, see [`svm::Config::c`].
+    pub c: f64,
+}
+
+impl Default for VectorConfig {
+    fn default() -> Self {
+        Self { lens: Lens::default(), c: 10.0 }
+    }
+}
+
+impl VectorConfig {
+    pub(super) fn sight(&self) -> Sight {
+        Sight::Vector(self.lens.clone())
+    }
+
+    pub(super) fn lens_mut(&mut self) -> Option<&mut Lens> {
+        Some(&mut self.lens)
+    }
+
+    pub(super) fn check(&self) -> Result<(), String> {
+        self.machines().check().map_err(|error| error.to_string())
+    }
+
+    pub(super) fn is_random(&self) -> bool {
+        false
+    }
+
+    pub(super) fn way(&self) -> Way {
+        Way::Sigmoids(self.machines().scheme)
+    }
+
+    pub(super) fn prior_weight(&self) -> f64 {
+        1.0
+    }
+}
+
+impl WholeConfig for VectorConfig {
+    fn machines(&self) -> svm::Config {
+        svm::Config { c: self.c, ..svm::Config::default() }
+    }
+}
+
+/// The machines.
+pub(in crate::model) type Vector = Whole<VectorConfig>;
