@@ -55,7 +55,7 @@ pub struct Config {
     /// The nearest descriptors that are asked for their rooms, k, from 1 to 100. The paper takes 10.
     pub n_neighbors: usize,
     /// The most lists of the inverted index, from 1 to 65,536. There are fewer while they would be short: a list
-    /// for 256 descriptors.
+    /// for 512 descriptors.
     pub n_lists: usize,
     /// The lists that a descriptor visits, at least 1. As many as there are make the search exact.
     pub n_visited: usize,
@@ -65,7 +65,7 @@ pub struct Config {
 
 impl Default for Config {
     fn default() -> Self {
-        Self { n_dimensions: 64, n_neighbors: 10, n_lists: 4096, n_visited: 8, max_descriptors: 2_000_000 }
+        Self { n_dimensions: 32, n_neighbors: 10, n_lists: 4096, n_visited: 16, max_descriptors: 2_000_000 }
     }
 }
 
@@ -110,10 +110,8 @@ impl MemoryError {
 pub struct Origin {
     /// Its room.
     pub place_idx: usize,
-    /// The drive that it was taken on.
-    pub drive_idx: usize,
     /// The caller's number for the frame, which stays when other frames are forgotten.
-    pub frame_id: usize,
+    pub frame_idx: usize,
 }
 
 /// Frames as memories keep them, made once for all memories of some of these frames.
@@ -272,13 +270,13 @@ impl Memory {
         self.keep(&kept);
     }
 
-    /// Numbers the places anew: place i becomes `new_idxs[i]`, of `n_places` in all.
+    /// Numbers the places, of which there are `n_places` from now on, and the frames anew.
     ///
     /// # Panics
-    /// When a place has no new index, or one that is not below `n_places`.
-    pub fn renumber_places(&mut self, new_idxs: &[usize], n_places: usize) {
+    /// When a place is not below `n_places`.
+    pub fn renumber(&mut self, n_places: usize, renumbered: impl Fn(&Origin) -> Origin) {
         for origin in &mut self.origins {
-            origin.place_idx = new_idxs[origin.place_idx];
+            *origin = renumbered(origin);
             assert!(origin.place_idx < n_places, "a place that there is not");
         }
         self.n_places = n_places;

@@ -44,7 +44,8 @@ pub use networks::{
     CarriedNetwork, Digest, MAX_NETWORK_BYTES, NETWORKS_FOLDER, NetworkEntry, NetworkStore, Networks,
 };
 pub use opinion::{
-    Classifier, MachinesConfig, OpinionConfig, PatternsConfig, Representation, Size, VectorConfig,
+    Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
+    Size, VectorConfig,
 };
 pub use sight::{LocalFeatures, Seen, Sight};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
@@ -92,6 +93,8 @@ pub struct Evidence {
     pub y: f32,
     /// The word of the opinion's vocabulary that it was assigned to, where there is one.
     pub word_idx: Option<usize>,
+    /// What the frame is called that has something like it, of those that were learned, where that is known.
+    pub frame: Option<String>,
     /// Its share in the opinion's decision value of the room; negative speaks against it.
     pub weight: f32,
 }
@@ -233,6 +236,11 @@ impl Model {
                 y: y * features.scale,
                 word_idx: match likeness {
                     Likeness::Word(word_idx) => Some(word_idx),
+                    Likeness::Frame(_) => None,
+                },
+                frame: match likeness {
+                    Likeness::Frame(frame_idx) => self.learned.name(frame_idx).map(str::to_owned),
+                    Likeness::Word(_) => None,
                 },
                 weight,
             };

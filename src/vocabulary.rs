@@ -159,7 +159,7 @@ impl Vocabulary {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let descriptors: Vec<&Matrix> = frames.iter().map(|frame| frame.descriptors).collect();
         let sample = draw(&descriptors, config.max_descriptors, &mut random);
-        let centers = kmeans::cluster(&sample, config.n_words, config.max_rounds, &mut random)?;
+        let centers = cluster(&sample, config.n_words, config.max_rounds, &mut random)?;
         let sees_all_around = frames.iter().flat_map(|frame| frame.spots).any(|spot| spot.across.is_none());
         Ok(Self::new(centers, config, sees_all_around))
     }

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 /// Descriptors that a list should hold: with fewer, looking for the nearest words costs more than reading lists.
-pub(super) const LIST_LENGTH: usize = 256;
+pub(super) const LIST_LENGTH: usize = 512;
 
 /// So few descriptors are all looked at.
 const N_EXACT: usize = 8192;

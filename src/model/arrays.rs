@@ -139,8 +139,13 @@ impl<'a> Arrays<'a> {
     }
 
     pub(super) fn counts(&self, name: &str) -> Result<Vec<usize>, FormatError> {
+        Ok(self.numbers(name)?.into_iter().map(|count| count as usize).collect())
+    }
+
+    /// Numbers of 32 bits.
+    pub(super) fn numbers(&self, name: &str) -> Result<Vec<u32>, FormatError> {
         let bytes = self.read(name, (Dtype::U32, 1))?.1;
-        Ok(bytes.as_chunks().0.iter().map(|&count| u32::from_le_bytes(count) as usize).collect())
+        Ok(bytes.as_chunks().0.iter().map(|&number| u32::from_le_bytes(number)).collect())
     }
 
     /// Empty when there is no such array.

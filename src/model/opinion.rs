@@ -7,11 +7,13 @@
 
 mod kept;
 mod machines;
+mod memory;
 mod patterns;
 mod vector;
 mod whole;
 
 pub use machines::{Classifier, MachinesConfig, Representation};
+pub use memory::{MemoryConfig, Remembered};
 pub use patterns::PatternsConfig;
 pub use vector::VectorConfig;
 
@@ -24,6 +26,7 @@ use super::sight::{Seen, Sight};
 use super::{AddError, Features, TrainError};
 use crate::camera::CameraKind;
 use machines::Machines;
+use memory::Places;
 use patterns::Patterns;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -43,6 +46,8 @@ pub enum OpinionConfig {
     Patterns(PatternsConfig),
     /// Machines over the vector of a network.
     Vector(VectorConfig),
+    /// A memory of local features.
+    Memory(MemoryConfig),
 }
 
 /// What a kind of opinion learns from frames, and says of them.
@@ -158,6 +163,8 @@ pub(super) struct Clue {
 pub(super) enum Likeness {
     /// This word of the opinion's vocabulary.
     Word(usize),
+    /// Something in this frame that was learned.
+    Frame(usize),
 }
 
 /// A configuration, and what its trainings have in common.
@@ -165,6 +172,7 @@ pub(super) enum Learner<'a> {
     Machines(&'a MachinesConfig, <Machines as Recognizer>::Prepared),
     Patterns(&'a PatternsConfig, <Patterns as Recognizer>::Prepared),
     Vector(&'a VectorConfig, <Vector as Recognizer>::Prepared),
+    Memory(&'a MemoryConfig, <Places as Recognizer>::Prepared),
 }
 
 /// What has learned to tell rooms apart.
@@ -173,6 +181,7 @@ pub(super) enum Trained {
     Machines(Machines),
     Patterns(Patterns),
     Vector(Vector),
+    Memory(Places),
 }
 
 /// Calls what all kinds have.
@@ -182,6 +191,7 @@ macro_rules! of_each {
             $kinds::Machines($inner) => $body,
             $kinds::Patterns($inner) => $body,
             $kinds::Vector($inner) => $body,
+            $kinds::Memory($inner) => $body,
         }
     };
 }
@@ -193,6 +203,7 @@ macro_rules! again_each {
             Trained::Machines($inner) => Trained::Machines($body),
             Trained::Patterns($inner) => Trained::Patterns($body),
             Trained::Vector($inner) => Trained::Vector($body),
+            Trained::Memory($inner) => Trained::Memory($body),
         }
     };
 }
@@ -234,6 +245,7 @@ impl OpinionConfig {
             Self::Machines(config) => Learner::Machines(config, Machines::prepare(config, frames, seed)?),
             Self::Patterns(config) => Learner::Patterns(config, Patterns::prepare(config, frames, seed)?),
             Self::Vector(config) => Learner::Vector(config, Vector::prepare(config, frames, seed)?),
+            Self::Memory(config) => Learner::Memory(config, Places::prepare(config, frames, seed)?),
         })
     }
 
@@ -243,6 +255,7 @@ impl OpinionConfig {
             Self::Machines(config) => Trained::Machines(Machines::from_arrays(config, shape, arrays)?),
             Self::Patterns(config) => Trained::Patterns(Patterns::from_arrays(config, shape, arrays)?),
             Self::Vector(config) => Trained::Vector(Vector::from_arrays(config, shape, arrays)?),
+            Self::Memory(config) => Trained::Memory(Places::from_arrays(config, shape, arrays)?),
         })
     }
 }
@@ -258,6 +271,9 @@ impl Learner<'_> {
             }
             Self::Vector(config, prepared) => {
                 Trained::Vector(Vector::train(config, prepared, frames, chosen)?)
+            }
+            Self::Memory(config, prepared) => {
+                Trained::Memory(Places::train(config, prepared, frames, chosen)?)
             }
         })
     }

@@ -9,6 +9,7 @@ use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::filter::Transitions;
 use crate::folds::{folds, spread_single_fold_labels};
+use crate::memory::MemoryError;
 use crate::svm::{self, SvmError};
 use crate::vocabulary::VocabularyError;
 use rayon::prelude::*;
@@ -73,6 +74,9 @@ pub enum TrainError {
     /// No support vector machine.
     #[error(transparent)]
     Svm(#[from] SvmError),
+    /// No memory.
+    #[error(transparent)]
+    Memory(#[from] MemoryError),
     /// No ensembles.
     #[error(transparent)]
     Boost(#[from] BoostError),

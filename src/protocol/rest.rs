@@ -148,6 +148,9 @@ pub struct KeypointEvidence {
     /// The word of the opinion's vocabulary that it was assigned to; left out where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub word: Option<usize>,
+    /// The training frame that has something like it, by its path among those; left out where that is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frame: Option<String>,
     /// Its contribution to the opinion's decision value of the room; negative speaks against it.
     pub weight: f32,
 }

@@ -95,8 +95,8 @@ impl From<Timings> for TimingsMs {
 
 impl From<Evidence> for KeypointEvidence {
     fn from(evidence: Evidence) -> Self {
-        let Evidence { opinion, x, y, word_idx, weight } = evidence;
-        Self { opinion, x, y, word: word_idx, weight }
+        let Evidence { opinion, x, y, word_idx, frame, weight } = evidence;
+        Self { opinion, x, y, word: word_idx, frame, weight }
     }
 }
 

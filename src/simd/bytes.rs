@@ -267,6 +267,9 @@ trait Instructions: Copy {
     /// The squared lengths of columns less twice their products.
     fn values(self, products: Self::Lanes, squared_lengths: &[i32; COLUMN_BLOCK]) -> Self::Lanes;
 
+    /// The smaller of two numbers in each lane.
+    fn smaller(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes;
+
     /// A bit for each value that is at most `limit`.
     fn at_most(self, values: Self::Lanes, limit: i32) -> u16;
 
@@ -298,6 +301,11 @@ impl Instructions for Plain {
     #[inline(always)]
     fn values(self, products: Self::Lanes, squared_lengths: &[i32; COLUMN_BLOCK]) -> Self::Lanes {
         std::array::from_fn(|lane| squared_lengths[lane] - 2 * products[lane])
+    }
+
+    #[inline(always)]
+    fn smaller(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes {
+        std::array::from_fn(|lane| a[lane].min(b[lane]))
     }
 
     #[inline(always)]
@@ -335,32 +343,105 @@ fn look_from<I: Instructions, const R: usize>(
     look: &Look,
     row_idxs: [u32; R],
 ) {
-    let n = look.columns.n_quads;
     let row_idxs = row_idxs.map(|row_idx| row_idx as usize);
-    let rows = row_idxs.map(|row_idx| look.rows.row(row_idx));
-    let starts = row_idxs.map(|row_idx| instructions.start(look.rows.sums[row_idx]));
     let lengths = row_idxs.map(|row_idx| look.rows.squared_lengths[row_idx]);
-    let mut limits: [i32; R] = std::array::from_fn(|r| nearest.farthest(row_idxs[r]) - lengths[r]);
-    let blocks = look.columns.blocks[look.blocks.start * n..look.blocks.end * n].chunks_exact(n);
-    let squared_lengths = &look.columns.squared_lengths[look.blocks.clone()];
-    for ((block_idx, squared_lengths), block) in look.blocks.clone().zip(squared_lengths).zip(blocks) {
-        let mut products = starts;
-        for (i, columns) in block.iter().enumerate() {
-            for r in 0..R {
-                products[r] = instructions.add(products[r], rows[r][i], columns);
-            }
-        }
+    let mut rows = Rows {
+        quads: row_idxs.map(|row_idx| look.rows.row(row_idx)),
+        // No closures round instructions: they would not be compiled for these.
+        starts: [instructions.start(0); R],
+    };
+    let mut limits = [0; R];
+    for r in 0..R {
+        rows.starts[r] = instructions.start(look.rows.sums[row_idxs[r]]);
+        limits[r] = nearest.farthest(row_idxs[r]) - lengths[r];
+    }
+    if is_worth_bounding(nearest, &row_idxs, look) {
+        let bounds = bounds(instructions, &rows, look, nearest.n_kept);
         for r in 0..R {
-            let values = instructions.values(products[r], squared_lengths);
-            let lanes = instructions.at_most(values, limits[r]);
+            limits[r] = limits[r].min(bounds[r]);
+        }
+    }
+    for block_idx in look.blocks.clone() {
+        let values = values_of_block(instructions, &rows, look.columns, block_idx);
+        for r in 0..R {
+            let lanes = instructions.at_most(values[r], limits[r]);
             if lanes != 0 {
-                let values = I::into_array(values);
+                let values = I::into_array(values[r]);
                 let squared_length = lengths[r];
                 nearest.keep(row_idxs[r], Candidates { lanes, values, squared_length, block_idx });
-                limits[r] = nearest.farthest(row_idxs[r]) - lengths[r];
+                limits[r] = limits[r].min(nearest.farthest(row_idxs[r]) - lengths[r]);
             }
         }
     }
+}
+
+/// `R` rows that are worked on at once.
+struct Rows<'a, I: Instructions, const R: usize> {
+    quads: [&'a [[i8; 4]]; R],
+    starts: [I::Lanes; R],
+}
+
+/// The squared distances of a block's columns without the squared lengths of the rows.
+#[inline(always)]
+fn values_of_block<I: Instructions, const R: usize>(
+    instructions: I,
+    rows: &Rows<I, R>,
+    columns: &ByteColumns,
+    block_idx: usize,
+) -> [I::Lanes; R] {
+    let n = columns.n_quads;
+    let mut products = rows.starts;
+    for (i, quads) in columns.blocks[block_idx * n..][..n].iter().enumerate() {
+        for r in 0..R {
+            products[r] = instructions.add(products[r], rows.quads[r][i], quads);
+        }
+    }
+    for r in 0..R {
+        products[r] = instructions.values(products[r], &columns.squared_lengths[block_idx]);
+    }
+    products
+}
+
+/// Blocks whose smallest values are told apart for a bound: every second one.
+const N_BOUNDING: usize = 2;
+
+/// Whether looking twice is cheaper: the first time most of many columns would be kept and soon dropped.
+fn is_worth_bounding(nearest: &Nearest, row_idxs: &[usize], look: &Look) -> bool {
+    nearest.n_kept <= N_BOUNDING * COLUMN_BLOCK
+        && look.blocks.len() * COLUMN_BLOCK >= 8 * nearest.n_kept
+        && row_idxs.iter().all(|&row_idx| nearest.keys[row_idx * nearest.n_kept] == NONE)
+}
+
+/// A value that at least `n_kept` columns have or are below: of the smallest of each lane the `n_kept`-th.
+#[inline(always)]
+fn bounds<I: Instructions, const R: usize>(
+    instructions: I,
+    rows: &Rows<I, R>,
+    look: &Look,
+    n_kept: usize,
+) -> [i32; R] {
+    let first = look.blocks.start;
+    let mut smallest = [values_of_block(instructions, rows, look.columns, first); N_BOUNDING];
+    for block_idx in first..look.blocks.end {
+        let values = values_of_block(instructions, rows, look.columns, block_idx);
+        let group = (block_idx - first) % N_BOUNDING;
+        let is_first_of_group = block_idx - first < N_BOUNDING;
+        for r in 0..R {
+            let before = if is_first_of_group { values[r] } else { smallest[group][r] };
+            smallest[group][r] = instructions.smaller(before, values[r]);
+        }
+    }
+    let mut bounds = [0; R];
+    for r in 0..R {
+        let mut of_lanes = [[0; COLUMN_BLOCK]; N_BOUNDING];
+        for group in 0..N_BOUNDING {
+            of_lanes[group] = I::into_array(smallest[group][r]);
+        }
+        let of_lanes = of_lanes.as_flattened_mut();
+        of_lanes.sort_unstable();
+        bounds[r] = of_lanes[n_kept - 1];
+    }
+    bounds
 }
 
 #[cfg(test)]

@@ -24,12 +24,14 @@ fn nearest_by(
 proptest! {
     #[test]
     fn the_nearest_are_the_naive_ones(
-        n_rows in 0usize..10, n_columns in 0usize..50, width in 1usize..70, n_kept in 1usize..13,
-        values in prop::collection::vec(numbers(), 4200),
+        n_rows in 0usize..10, n_columns in 0usize..200, width in 1usize..20, n_kept in 1usize..13,
+        values in prop::collection::vec(numbers(), 5000),
     ) {
         let (of_rows, of_columns) = (&values[..n_rows * width], &values[700..700 + n_columns * width]);
         let (rows, columns) = (ByteRows::new(of_rows, width), ByteColumns::new(of_columns, width));
         let plain = nearest_by(Plain, (&rows, &columns), n_kept);
+        let mut at_once = Nearest::new(n_rows, n_kept);
+        at_once.look(&rows, &(0..n_rows as u32).collect::<Vec<_>>(), &columns, 0..columns.n_blocks());
         let mut looked = Nearest::new(n_rows, n_kept);
         let row_idxs: Vec<u32> = (0..n_rows as u32).collect();
         // The last blocks first: their order does not matter.
@@ -48,6 +50,7 @@ proptest! {
             expected.truncate(n_kept);
             prop_assert_eq!(plain.of(row_idx).collect::<Vec<_>>(), expected.clone());
             prop_assert_eq!(looked.of(row_idx).collect::<Vec<_>>(), expected.clone());
+            prop_assert_eq!(at_once.of(row_idx).collect::<Vec<_>>(), expected.clone());
             #[cfg(target_arch = "x86_64")]
             if let Some(avx2) = x86::Avx2::detected() {
                 let found = nearest_by(avx2, (&rows, &columns), n_kept);

@@ -5,10 +5,10 @@ use super::{COLUMN_BLOCK, Instructions};
 use std::arch::is_x86_feature_detected as has;
 use std::arch::x86_64::{
     __m256i, __m512i, _mm256_abs_epi8, _mm256_add_epi32, _mm256_castsi256_ps, _mm256_cmpgt_epi32,
-    _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_movemask_ps, _mm256_set1_epi16, _mm256_set1_epi32,
-    _mm256_setzero_si256, _mm256_sign_epi8, _mm256_slli_epi32, _mm256_sub_epi32, _mm512_cmple_epi32_mask,
-    _mm512_dpbusd_epi32, _mm512_set1_epi8, _mm512_set1_epi32, _mm512_slli_epi32, _mm512_sub_epi32,
-    _mm512_xor_si512,
+    _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_min_epi32, _mm256_movemask_ps, _mm256_set1_epi16,
+    _mm256_set1_epi32, _mm256_setzero_si256, _mm256_sign_epi8, _mm256_slli_epi32, _mm256_sub_epi32,
+    _mm512_cmple_epi32_mask, _mm512_dpbusd_epi32, _mm512_min_epi32, _mm512_set1_epi8, _mm512_set1_epi32,
+    _mm512_slli_epi32, _mm512_sub_epi32, _mm512_xor_si512,
 };
 use std::mem::transmute;
 
@@ -61,6 +61,12 @@ impl Instructions for Avx2 {
                 _mm256_sub_epi32(lengths[1], _mm256_slli_epi32::<1>(products[1])),
             ]
         }
+    }
+
+    #[inline(always)]
+    fn smaller(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes {
+        // SAFETY: as above.
+        unsafe { [_mm256_min_epi32(a[0], b[0]), _mm256_min_epi32(a[1], b[1])] }
     }
 
     #[inline(always)]
@@ -122,6 +128,12 @@ impl Instructions for Avx512Vnni {
             let lengths = transmute::<Numbers, __m512i>(*squared_lengths);
             _mm512_sub_epi32(lengths, _mm512_slli_epi32::<1>(products))
         }
+    }
+
+    #[inline(always)]
+    fn smaller(self, a: Self::Lanes, b: Self::Lanes) -> Self::Lanes {
+        // SAFETY: as above.
+        unsafe { _mm512_min_epi32(a, b) }
     }
 
     #[inline(always)]

@@ -49,6 +49,7 @@ class KeypointEvidence:
     opinion: str
     weight: float
     word: Optional[int] = None
+    frame: Optional[str] = None
 
 
 @dataclass(frozen=True)
