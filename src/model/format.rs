@@ -217,7 +217,12 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
         let arrays = arrays_of(name);
         let sight = opinion.sight();
         let n_dimensions = sight.n_dimensions(camera.kind());
-        let shape = Shape { n_places: places.len(), n_dimensions, n_frames: learned.n_frames() };
+        let shape = Shape {
+            camera: camera.kind(),
+            n_places: places.len(),
+            n_dimensions,
+            n_frames: learned.n_frames(),
+        };
         let trained = Arc::new(opinion.read(shape, &arrays)?);
         let calibration = Calibration::from_arrays(opinion.way(), places.len(), &arrays)?;
         opinions.push(Opinion { sight, trained, calibration, weight });

@@ -24,6 +24,7 @@ use super::lens::Lens;
 use super::pool::Vote;
 use super::sight::{Seen, Sight};
 use super::{AddError, Features, TrainError};
+use crate::camera::CameraKind;
 use machines::Machines;
 use memory::Places;
 use patterns::Patterns;
@@ -121,6 +122,8 @@ pub(super) struct Left<'a> {
 /// What the arrays of an opinion must agree with.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
+    /// The kind of camera whose frames it answers.
+    pub(super) camera: CameraKind,
     pub(super) n_places: usize,
     /// Of what it looks at; see [`Sight`].
     pub(super) n_dimensions: usize,
