@@ -29,9 +29,9 @@ mod trial;
 
 pub use add::{AddError, Forgotten};
 pub use card::{Addition, Card, Measurement};
-pub use choose::{Candidate, Choice, Tally, all_opinions, choose};
+pub use choose::{Candidate, Choice, LeftOut, Preferred, Tally, all_opinions, train_preferred};
 pub use config::{BAG, CalibrationConfig, Config, PATTERNS, Sigmoids};
-pub use effort::Effort;
+pub use effort::{Effort, Means};
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,

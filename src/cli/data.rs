@@ -5,7 +5,8 @@ use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::dataset::{self, Dataset, Described, Problem};
 use crate::image::{Image, Limits};
 use crate::model::{
-    BAG, Candidate, CarriedNetwork, Config, Effort, Extractor, LoadedModel, Model, Networks, PATTERNS,
+    BAG, Candidate, CarriedNetwork, Config, DEFAULT_NETWORK, Effort, Extractor, LoadedModel, Means, Model,
+    Networks, PATTERNS, all_opinions,
 };
 use crate::network::Runtime;
 use anyhow::{Context, bail};
@@ -197,13 +198,27 @@ impl From<EffortName> for Effort {
 
 impl ConfigArgs {
     /// What is chosen among: what is configured, or else the candidates of the effort.
-    pub(super) fn candidates(&self) -> anyhow::Result<Vec<Candidate>> {
+    pub(super) fn candidates(&self, dataset: &Dataset) -> anyhow::Result<Vec<Candidate>> {
         if self.config.is_some() || !self.parameters.is_empty() {
             return Ok(vec![Candidate { name: "as configured".to_owned(), config: self.read()? }]);
         }
-        let mut candidates = Effort::from(self.effort).candidates(0);
+        let effort = Effort::from(self.effort);
+        let has_network = self.networks.join(format!("{DEFAULT_NETWORK}.onnx")).is_file();
+        if !has_network && effort != Effort::Fast {
+            eprintln!(
+                "note: there is no network in {}, with which up to twice as many frames are answered right: \
+                 `make networks` fetches one",
+                self.networks.display()
+            );
+        }
+        let camera = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
+        let mut candidates = Means { effort, camera, has_network }.candidates();
+        let mut config = all_opinions(&candidates).context("there is nothing to train")?;
+        self.link(&mut config)?;
         for candidate in &mut candidates {
-            candidate.config = self.with_wanted_opinions(candidate.config.clone());
+            let opinions = candidate.config.opinions.clone();
+            candidate.config =
+                self.with_wanted_opinions(config.with_opinions(|name| opinions.contains_key(name)));
         }
         candidates.retain(|candidate| !candidate.config.opinions.is_empty());
         candidates.dedup_by(|later, earlier| later.config == earlier.config);
