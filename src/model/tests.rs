@@ -222,6 +222,7 @@ fn evidence_sums_to_the_decision_value() {
     let nothing = Seen::Local(LocalFeatures {
         keypoints: vec![crate::detect::Keypoint::new(0.0, 0.0, 1.0)],
         descriptors: crate::matrix::Matrix::zeros(1, 72),
+        spots: vec![crate::camera::Spot { across: Some(0.0), down: 0.0 }],
     });
     let sum: f32 = evidence.iter().map(|evidence| evidence.weight).sum();
     let values = bag.decision_values(&features).unwrap();
