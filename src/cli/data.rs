@@ -203,7 +203,7 @@ impl ConfigArgs {
             return Ok(vec![Candidate { name: "as configured".to_owned(), config: self.read()? }]);
         }
         let effort = Effort::from(self.effort);
-        let has_network = self.networks.join(format!("{DEFAULT_NETWORK}.onnx")).is_file();
+        let has_network = self.onnx_path(DEFAULT_NETWORK).is_file();
         if !has_network && effort != Effort::Fast {
             eprintln!(
                 "note: there is no network in {}, with which up to twice as many frames are answered right: \
@@ -222,22 +222,29 @@ impl ConfigArgs {
         }
         candidates.retain(|candidate| !candidate.config.opinions.is_empty());
         candidates.dedup_by(|later, earlier| later.config == earlier.config);
+        let configs = candidates.iter_mut().map(|candidate| &mut candidate.config);
+        self.link(configs)?;
         if candidates.is_empty() {
             bail!("no candidate has an opinion called {}: see --help", self.opinions.join(" or "));
         }
         Ok(candidates)
     }
 
-    /// Gives a configuration the networks that it names.
-    fn link(&self, config: &mut Config) -> anyhow::Result<()> {
-        let names = config.network_names();
+    fn onnx_path(&self, network: &str) -> PathBuf {
+        self.networks.join(format!("{network}.onnx"))
+    }
+
+    /// Gives configurations the networks that they name, each opened once.
+    fn link<'c>(&self, configs: impl Iterator<Item = &'c mut Config>) -> anyhow::Result<()> {
+        let configs: Vec<&mut Config> = configs.collect();
+        let names: BTreeSet<String> = configs.iter().flat_map(|config| config.network_names()).collect();
         if names.is_empty() {
             return Ok(());
         }
         Runtime::look_into(self.networks.clone());
         let mut networks = Networks::new();
         for name in names {
-            let path = self.networks.join(format!("{name}.onnx"));
+            let path = self.onnx_path(&name);
             if !path.is_file() {
                 bail!(
                     "the network {name} is not in {}: run `make networks`, which fetches it, or name the folder \
@@ -247,7 +254,7 @@ impl ConfigArgs {
             }
             networks.insert(name, Arc::new(CarriedNetwork::read(&path)?));
         }
-        config.link(&networks).map_err(anyhow::Error::msg)
+        configs.into_iter().try_for_each(|config| config.link(&networks)).map_err(anyhow::Error::msg)
     }
 
     fn with_wanted_opinions(&self, config: Config) -> Config {
@@ -280,7 +287,7 @@ impl ConfigArgs {
             table = toml::Table::try_from(table.try_into::<Config>()?)?;
         }
         let mut config = self.with_wanted_opinions(table.try_into()?);
-        self.link(&mut config)?;
+        self.link(std::iter::once(&mut config))?;
         if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
             bail!("the configuration has no opinion called {name}");
         }
