@@ -4,6 +4,8 @@
 //! again and again. Each swap loads its version from the disk and tries it, since three
 //! versions take turns of which two are kept; after some of them a rollback follows. Every answer must be of
 //! one version from start to end. Then many swaps without load, for the memory.
+//!
+//! MODEL names the folder of another model than the committed one, ROUNDS says how often.
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 
@@ -11,21 +13,22 @@ mod service;
 
 use hdrhistogram::Histogram;
 use roomsight::client::Client;
-use roomsight::model::write_about;
+use roomsight::model::{GOLDEN_FOLDER, write_about};
 use roomsight::protocol::rest::{Answer, RecognizeQuery};
 use roomsight::protocol::stream::{Configure, Mode, ServerMessage};
-use roomsight::repository::VersionId;
-use service::{MODEL, Service, frames, memory_kib};
-use std::fs;
-use std::path::Path;
+use roomsight::repository::{VersionId, package};
+use service::{MODEL, Service, frames_of, memory_kib};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+use std::{env, fs};
 use tempfile::TempDir;
 use tokio::task::JoinSet;
 use tokio::time::sleep;
 
 const NAME: &str = "lab";
+/// Where ROUNDS does not say otherwise.
 const ROUNDS: usize = 20;
 const SWAPS_A_ROUND: u64 = 5;
 const ROLLBACKS_A_ROUND: u64 = 1;
@@ -35,31 +38,28 @@ const N_STREAMS: usize = 2;
 const N_SWAPS_AT_REST: u64 = 500;
 
 fn main() {
-    let models = models();
+    let from = env::var_os("MODEL").map_or_else(|| PathBuf::from(MODEL), PathBuf::from);
+    let n_rounds = env::var("ROUNDS").map_or(ROUNDS, |rounds| rounds.parse().unwrap());
+    let models = models(&from);
     let folder = models.path().to_str().unwrap();
     let service = Service::start(&["--models", folder, "--policy", "manual", "--set", "models_poll_ms=0"]);
     let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    runtime.block_on(measure(&service));
+    runtime.block_on(measure(&service, &Arc::new(frames_of(&from)), n_rounds));
 }
 
 /// Three versions; the second calls the same rooms by other names.
-fn models() -> TempDir {
+fn models(from: &Path) -> TempDir {
     let folder = TempDir::new().unwrap();
     for version in 1..=3 {
-        let (from, to) = (Path::new(MODEL), folder.path().join(NAME).join(version.to_string()));
-        fs::create_dir_all(to.join("golden")).unwrap();
-        let model = fs::read(from.join("model.safetensors")).unwrap();
+        let to = folder.path().join(NAME).join(version.to_string());
+        fs::create_dir_all(&to).unwrap();
+        package::copy(from, &to).unwrap();
         if version == 2 {
-            fs::remove_dir(to.join("golden")).unwrap();
+            fs::remove_dir_all(to.join(GOLDEN_FOLDER)).unwrap();
+            let model = fs::read(to.join("model.safetensors")).unwrap();
             fs::write(to.join("model.safetensors"), with_other_names(model)).unwrap();
+            fs::remove_file(to.join("model.json")).unwrap();
             write_about(&to).unwrap();
-            continue;
-        }
-        fs::write(to.join("model.safetensors"), model).unwrap();
-        fs::copy(from.join("model.json"), to.join("model.json")).unwrap();
-        for entry in fs::read_dir(from.join("golden")).unwrap() {
-            let path = entry.unwrap().path();
-            fs::copy(&path, to.join("golden").join(path.file_name().unwrap())).unwrap();
         }
     }
     folder
@@ -73,12 +73,12 @@ fn with_other_names(mut model: Vec<u8>) -> Vec<u8> {
     model
 }
 
-async fn measure(service: &Service) {
+async fn measure(service: &Service, frames: &Arc<Vec<Vec<u8>>>, n_rounds: usize) {
     let admin = Client::new(&service.url, None).unwrap();
     swap(&admin, 1).await;
     let (mut ratios, mut n_answers) = (Vec::new(), 0);
     let mut next = 2;
-    for _ in 0..ROUNDS {
+    for _ in 0..n_rounds {
         let began = Instant::now();
         let swapping = async {
             for idx in 0..SWAPS_A_ROUND {
@@ -91,9 +91,9 @@ async fn measure(service: &Service) {
                 }
             }
         };
-        let (with, n_with) = load(service, swapping).await;
+        let (with, n_with) = load(service, frames, swapping).await;
         let took = began.elapsed();
-        let (without, n_without) = load(service, sleep(took)).await;
+        let (without, n_without) = load(service, frames, sleep(took)).await;
         let ms = |latencies: &Histogram<u64>, quantile| latencies.value_at_quantile(quantile) as f64 / 1e3;
         println!(
             "{:.1} s: p50 {:.2} ms with swaps, {:.2} without; p99 {:.2} and {:.2}",
@@ -109,10 +109,10 @@ async fn measure(service: &Service) {
     ratios.sort_by(f64::total_cmp);
     println!(
         "{} swaps and {} rollbacks under full load: {n_answers} frames, all answered, each by one version; p99 \
-         with swaps is {:.3} of that without (median of {ROUNDS} rounds)",
-        ROUNDS as u64 * SWAPS_A_ROUND,
-        ROUNDS as u64 * ROLLBACKS_A_ROUND,
-        ratios[ROUNDS / 2],
+         with swaps is {:.3} of that without (median of {n_rounds} rounds)",
+        n_rounds as u64 * SWAPS_A_ROUND,
+        n_rounds as u64 * ROLLBACKS_A_ROUND,
+        ratios[n_rounds / 2],
     );
     let mut memory = Vec::new();
     for idx in 0..=N_SWAPS_AT_REST {
@@ -130,9 +130,12 @@ async fn swap(admin: &Client, version: u64) {
 
 /// Keeps the service busy for as long as `during` takes: the latencies of all requests in microseconds, and
 /// the number of all answers.
-async fn load(service: &Service, during: impl Future<Output = ()>) -> (Histogram<u64>, u64) {
+async fn load(
+    service: &Service,
+    frames: &Arc<Vec<Vec<u8>>>,
+    during: impl Future<Output = ()>,
+) -> (Histogram<u64>, u64) {
     let is_over = Arc::new(AtomicBool::new(false));
-    let frames = Arc::new(frames());
     let mut callers = JoinSet::new();
     for _ in 0..N_CALLERS {
         callers.spawn(post(Client::new(&service.url, None).unwrap(), frames.clone(), is_over.clone()));

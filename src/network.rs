@@ -15,7 +15,7 @@ mod outputs;
 mod runtime;
 mod session;
 #[cfg(test)]
-mod testing;
+pub(crate) mod testing;
 #[cfg(test)]
 mod tests;
 mod weights;

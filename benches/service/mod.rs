@@ -16,8 +16,13 @@ const TICKS_A_SECOND: f64 = 100.0;
 
 /// The frames that lie with the model.
 pub fn frames() -> Vec<Vec<u8>> {
-    let is_frame = |path: &Path| path.extension().is_some_and(|extension| extension == "jpeg");
-    let files = fs::read_dir(Path::new(MODEL).join("golden")).unwrap().map(|entry| entry.unwrap().path());
+    frames_of(Path::new(MODEL))
+}
+
+/// The frames that lie with a model.
+pub fn frames_of(model: &Path) -> Vec<Vec<u8>> {
+    let is_frame = |path: &Path| path.extension().is_some_and(|extension| extension != "json");
+    let files = fs::read_dir(model.join("golden")).unwrap().map(|entry| entry.unwrap().path());
     files.filter(|path| is_frame(path)).map(|path| fs::read(path).unwrap()).collect()
 }
 

@@ -1,5 +1,6 @@
 //! Which opinions a model has, chosen by held-out frames among a few candidates.
 
+use super::held_out::TELLABLE;
 use super::{Config, HeldOut, TrainError, Trials};
 use serde::{Deserialize, Serialize};
 
@@ -54,8 +55,9 @@ pub fn all_opinions(candidates: &[Candidate]) -> Option<Config> {
 /// Chooses the candidate that answered the held-out frames best. Candidates come in the order of preference: a later one
 /// is taken only where it is right on more frames than the best before it by over a standard error, that is, by
 /// more than the square root of the number of frames on which exactly one of both is right (McNemar, "Note on the sampling
-/// error of the difference between correlated proportions or percentages", Psychometrika 1947). Without held-out frames it is
-/// the first.
+/// error of the difference between correlated proportions or percentages", Psychometrika 1947). It is the first where
+/// there are no held-out frames, and where no candidate is right on at least half of them: then held-out drives show other
+/// parts of the rooms than those that trained, and cannot tell.
 ///
 /// # Errors
 /// No calibration.
@@ -76,8 +78,13 @@ pub fn choose(trials: &Trials, candidates: &[Candidate]) -> Result<Choice, Train
             n_frames: held_out.len(),
         });
         right_frames.push(is_right);
-        if is_clearly_better(&right_frames[idx], &right_frames[chosen]) {
-            chosen = idx;
+    }
+    let n_tellable = tallies.iter().map(|tally| tally.n_right).max().unwrap_or_default();
+    if n_tellable as f64 >= TELLABLE * tallies[0].n_frames as f64 {
+        for idx in 1..candidates.len() {
+            if is_clearly_better(&right_frames[idx], &right_frames[chosen]) {
+                chosen = idx;
+            }
         }
     }
     Ok(Choice { chosen, tallies })

@@ -176,3 +176,6 @@ impl Look<'_> {
         local
     }
 }
+
+#[cfg(test)]
+mod tests;

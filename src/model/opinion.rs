@@ -32,10 +32,6 @@ use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use vector::Vector;
 
-/// The sum of the weights that are taken where nothing is known of how well opinions do: more than 1, since what
-/// several say independently is more certain than what one says.
-pub(super) const PRIOR_SUM: f64 = 1.0;
-
 /// A way to tell rooms apart, with its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]

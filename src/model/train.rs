@@ -247,7 +247,12 @@ impl<'a> Trials<'a> {
             config: config.clone(),
             transitions: Transitions::unlearned(self.places.len()),
             extractor: Extractor::new(config, camera),
-            classification: Classification { n_places: self.places.len(), opinions, known_probability },
+            classification: Classification {
+                n_places: self.places.len(),
+                opinions,
+                doubt: fusion.doubt,
+                known_probability,
+            },
             learned: LearnedFrames::new(self.samples, &self.labels),
             held_out: HeldOutFrames::new(decided.into_iter().cloned().collect()).thinned(),
             places: self.places.clone(),

@@ -208,8 +208,10 @@ impl<'a> FrameInput<'a> {
 impl Panorama<'_> {
     /// Red, green and blue of a part of it, at `size` pixels.
     fn resized(&self, pane: &Pane, size: Size, colors: &mut [u8]) {
-        // Whole columns that hold the pane, copied together where they go beyond an edge.
-        let (first, end) = (pane.left.floor(), (pane.left + pane.width).ceil());
+        // Whole columns that hold the pane and what is averaged with its edges, copied together where they go beyond
+        // those of the frame.
+        let reach = (pane.width / f64::from(size.width)).max(1.0);
+        let (first, end) = ((pane.left - reach).floor(), (pane.left + pane.width + reach).ceil());
         let is_inside = first >= 0.0 && end <= self.width as f64;
         let (source, width, left) = if is_inside || !self.wraps {
             (Cow::Borrowed(&*self.colors), self.width, pane.left)

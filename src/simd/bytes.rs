@@ -408,7 +408,7 @@ const N_BOUNDING: usize = 2;
 /// Whether looking twice is cheaper: the first time most of many columns would be kept and soon dropped.
 fn is_worth_bounding(nearest: &Nearest, row_idxs: &[usize], look: &Look) -> bool {
     nearest.n_kept <= N_BOUNDING * COLUMN_BLOCK
-        && look.blocks.len() * COLUMN_BLOCK >= 8 * nearest.n_kept
+        && look.blocks.len() >= nearest.n_kept.div_ceil(2).max(N_BOUNDING)
         && row_idxs.iter().all(|&row_idx| nearest.keys[row_idx * nearest.n_kept] == NONE)
 }
 
