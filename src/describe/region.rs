@@ -108,15 +108,19 @@ pub(super) struct Window {
 
 impl Window {
     pub(super) fn new(region: &Region, margin: usize) -> Self {
-        let side = region.side + 2 * margin;
-        Self {
+        let mut window = Self {
             region_side: region.side,
             margin,
-            pixels: vec![0; side * side + simd::CODE_BLOCK.max(simd::GRID_BLOCK)],
+            pixels: Vec::new(),
             outside: Vec::new(),
             surroundings: Vec::new(),
             quads: Vec::new(),
-        }
+        };
+        let side = window.side();
+        // What is read of them for the last codes: of neighbors below and to the right.
+        let n_read = window.new_codes().len() * simd::CODE_BLOCK + 2 * margin * (side + 1) + 1;
+        window.pixels = vec![0; n_read.max(side * side + simd::GRID_BLOCK)];
+        window
     }
 
     /// The side with both margins.
