@@ -12,10 +12,12 @@ use image::codecs::jpeg::JpegEncoder;
 use roomsight::camera::{Camera, Mirror, Projection};
 use roomsight::image::{Image, Limits};
 use roomsight::matrix::Matrix;
-use roomsight::model::{Config, Extractor, Features, LocalFeatures, Model, Representation, Sample, Scratch};
+use roomsight::model::{
+    Config, Extractor, Features, LocalFeatures, Model, Representation, Sample, Scratch, Seen,
+};
 use roomsight::simulate::CameraKind;
 use roomsight::svm::{self, Calibration, LinearSvm};
-use roomsight::vocabulary::Vocabulary;
+use roomsight::vocabulary::{Described, Vocabulary};
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -82,10 +84,11 @@ impl Classification {
         let Representation::Bag(vocabulary) = &config.machines().unwrap().representation else {
             panic!("no bag by default")
         };
-        let descriptors: Vec<&Matrix> = features.iter().filter_map(Features::descriptors).collect();
-        let vocabulary = Vocabulary::train(&descriptors, vocabulary, config.seed).unwrap();
-        let mut bags = Matrix::new(vocabulary.n_words());
-        descriptors.iter().for_each(|rows| bags.push_row(&vocabulary.bag_of(rows)));
+        let local = features.iter().flat_map(|features| &features.seen).filter_map(Seen::local);
+        let frames: Vec<Described> = local.map(LocalFeatures::described).collect();
+        let vocabulary = Vocabulary::train(&frames, vocabulary, config.seed).unwrap();
+        let mut bags = Matrix::new(vocabulary.n_columns());
+        frames.iter().for_each(|&frame| bags.push_row(&vocabulary.row(frame)));
 
         let mut names = places.to_vec();
         names.sort();
@@ -115,7 +118,7 @@ fn measure(group: &mut BenchmarkGroup<WallTime>, drive: &Drive) {
     each(group, "describe", &described, |(image, local)| {
         machines.descriptor.describe(image, &local.keypoints, &view)
     });
-    each(group, "bag", &described, |(_, local)| parts.vocabulary.bag_of(&local.descriptors));
+    each(group, "bag", &described, |(_, local)| parts.vocabulary.row(local.described()));
     each(group, "classify", &bags, |bag| parts.calibration.probabilities(&parts.svm.decision_values(bag)));
 
     let model = train_model(drive, features, &config);

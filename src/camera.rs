@@ -20,6 +20,13 @@ pub enum CameraKind {
     Omnidirectional,
 }
 
+impl CameraKind {
+    /// Whether turning the robot only moves what it sees across the frame.
+    pub fn sees_all_around(self) -> bool {
+        self != Self::Perspective
+    }
+}
+
 /// A camera as a model knows it. Nothing is detected or described outside its valid region.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
@@ -91,6 +98,16 @@ pub struct View {
     projection: Projection,
     visible: Region,
     hidden: Option<HiddenCount>,
+}
+
+/// Where something lies in what a camera sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spot {
+    /// From the left edge (0) to the right (1); `None` where the camera sees all around, and it changes with every turn
+    /// of the robot.
+    pub across: Option<f32>,
+    /// From the upper edge (0) to the lower (1); in a mirror from the inner rim to the outer.
+    pub down: f32,
 }
 
 impl View {
@@ -168,6 +185,16 @@ impl View {
         let Projection::Omnidirectional(mirror) = self.projection else { return 0.0 };
         let radius = mirror.polar(x, y, self.width).2 / self.width as f32;
         (radius - mirror.inner_radius) / (mirror.outer_radius - mirror.inner_radius)
+    }
+
+    /// Where (x, y) lies in what the camera sees, whatever the size of the frame.
+    pub fn spot(&self, x: f32, y: f32) -> Spot {
+        let down = y / self.height as f32;
+        match self.kind() {
+            CameraKind::Perspective => Spot { across: Some(x / self.width as f32), down },
+            CameraKind::Equirectangular => Spot { across: None, down },
+            CameraKind::Omnidirectional => Spot { across: None, down: self.ring_share(x, y) },
+        }
     }
 
     /// The unit vector from the mirror center to (x, y); `None` for cameras without a mirror and in the

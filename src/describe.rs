@@ -3,6 +3,7 @@
 
 mod cells;
 mod circle;
+mod code_sums;
 mod cs_lbp;
 mod frame_lbp;
 mod lbp;
@@ -61,8 +62,12 @@ impl Descriptor {
     /// The corners of the square round `keypoint` that is described, in order.
     pub fn square(&self, keypoint: &Keypoint, view: &View) -> [(f32, f32); 4] {
         let (half, right) = match self {
-            Self::Lbp(lbp) => (lbp.region.side as f32 / 2.0, right_of(keypoint, view)),
-            Self::CsLbp(cs_lbp) => (cs_lbp.region.side as f32 / 2.0, right_of(keypoint, view)),
+            Self::Lbp(lbp) => {
+                (lbp.region.side_at(keypoint, lbp.n_cells) as f32 / 2.0, right_of(keypoint, view))
+            }
+            Self::CsLbp(cs_lbp) => {
+                (cs_lbp.region.side_at(keypoint, cs_lbp.n_cells) as f32 / 2.0, right_of(keypoint, view))
+            }
             Self::Sift(sift) => sift.square(keypoint, view),
             Self::Surf(_) => SurfDescriptor::square(keypoint, view),
         };
@@ -78,6 +83,15 @@ impl Descriptor {
             Self::CsLbp(cs_lbp) => cs_lbp.n_dimensions(),
             Self::Sift(_) => SiftDescriptor::n_dimensions(),
             Self::Surf(surf) => surf.n_dimensions(),
+        }
+    }
+
+    /// Whether what is described grows with the scale of a keypoint.
+    pub fn is_scaled(&self) -> bool {
+        match self {
+            Self::Lbp(lbp) => lbp.region.scaled,
+            Self::CsLbp(cs_lbp) => cs_lbp.region.scaled,
+            Self::Sift(_) | Self::Surf(_) => true,
         }
     }
 

@@ -1,11 +1,13 @@
 //! Keypoints: where a frame is described.
 
+mod dense;
 mod fast;
 pub(crate) mod haar;
 mod harris_laplace;
 mod sift;
 mod surf;
 
+pub use dense::Dense;
 pub use fast::{Fast, FastThreshold};
 pub use harris_laplace::HarrisLaplace;
 pub use sift::Sift;
@@ -52,6 +54,8 @@ pub enum Detector {
     Sift(Sift),
     /// Corners at their own scale.
     HarrisLaplace(HarrisLaplace),
+    /// Points on a grid.
+    Dense(Dense),
 }
 
 impl Default for Detector {
@@ -78,16 +82,27 @@ impl Detector {
             Self::Surf(surf) => surf.detect(image, view),
             Self::Sift(sift) => sift.detect(space, view),
             Self::HarrisLaplace(harris) => harris.detect(space, view),
+            Self::Dense(dense) => dense.detect(image, view),
         }
     }
 
     /// Of the scale space that keypoints are looked for in; `None` where it is the image alone.
     pub fn levels(&self) -> Option<Levels> {
         match self {
-            Self::Fast(_) | Self::Surf(_) => None,
+            Self::Fast(_) | Self::Surf(_) | Self::Dense(_) => None,
             Self::Sift(sift) => Some(sift.levels()),
             Self::HarrisLaplace(harris) => Some(harris.levels()),
         }
+    }
+
+    /// Whether it finds each point at several scales, as only descriptors tell apart that grow with these.
+    pub fn repeats_points(&self) -> bool {
+        matches!(self, Self::Dense(dense) if dense.scales.len() > 1)
+    }
+
+    /// The longest side of the frames that it looks at, where it has one of its own.
+    pub fn longest_side(&self) -> Option<usize> {
+        if let Self::Dense(dense) = self { Some(dense.longest_side) } else { None }
     }
 
     /// What is wrong with the parameters, if anything.
@@ -97,6 +112,7 @@ impl Detector {
             Self::Surf(surf) => surf.check(),
             Self::Sift(sift) => sift.check(),
             Self::HarrisLaplace(harris) => harris.check(),
+            Self::Dense(dense) => dense.check(),
         }
     }
 }

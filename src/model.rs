@@ -29,9 +29,9 @@ mod trial;
 
 pub use add::{AddError, Forgotten};
 pub use card::{Addition, Card, Measurement};
-pub use choose::{Candidate, Choice, Tally, all_opinions, choose};
+pub use choose::{Candidate, Choice, LeftOut, Preferred, Tally, all_opinions, train_preferred};
 pub use config::{BAG, CalibrationConfig, Config, PATTERNS, Sigmoids};
-pub use effort::Effort;
+pub use effort::{Effort, Means};
 pub use features::{Extractor, Features, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
@@ -58,7 +58,7 @@ use crate::svm::most_probable;
 use held_out::HeldOutFrames;
 use learned::LearnedFrames;
 use opinion::{Clue, Likeness, Opinion};
-use pool::pooled;
+use pool::{doubted, pooled};
 use std::collections::BTreeMap;
 
 /// The answer for one frame.
@@ -121,6 +121,8 @@ struct Classification {
     n_places: usize,
     /// In the order of the configuration's.
     opinions: Vec<Opinion>,
+    /// The share of frames that show what was never seen, of which no room is more probable.
+    doubt: f64,
     /// Answers of at least this probability are known; none are where there is none.
     known_probability: Option<f32>,
 }
@@ -256,6 +258,7 @@ impl Classification {
     fn classify(&self, features: &Features) -> Recognition {
         let n_keypoints = features.n_keypoints();
         let probabilities = pooled(self.opinions.iter().filter_map(|opinion| opinion.vote(features)));
+        let probabilities = doubted(probabilities, self.doubt);
         if probabilities.is_empty() {
             // Nothing was seen: no room is more probable than another.
             let probabilities = vec![1.0 / self.n_places as f32; self.n_places];

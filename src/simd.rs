@@ -14,6 +14,7 @@
 
 mod bytes;
 mod dct;
+mod dot;
 mod fast;
 mod hessian;
 mod nearest;
@@ -23,6 +24,7 @@ mod project;
 
 pub use bytes::{ByteColumns, ByteRows, MAX_BYTES, Nearest};
 pub use dct::{BLOCKS, BlockGroup, inverse_dct};
+pub use dot::dot;
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
 pub use nearest::{ONE_PRODUCT, UnitColumns, UnitRows, largest_products, nearest_columns};

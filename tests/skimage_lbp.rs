@@ -7,7 +7,7 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 use roomsight::camera::{Camera, Projection};
-use roomsight::describe::{CsLbp, Descriptor, Lbp, Region, Weighting};
+use roomsight::describe::{CsLbp, Descriptor, Lbp, Region};
 use roomsight::detect::Keypoint;
 use roomsight::image::{Image, Limits};
 use serde::Deserialize;
@@ -54,7 +54,7 @@ fn golden_file(name: &str) -> Vec<u8> {
 
 impl Parameters {
     fn descriptor(&self, region_side: usize) -> Descriptor {
-        let region = Region { side: region_side, weighting: Weighting::Uniform };
+        let region = Region { side: region_side, ..Region::default() };
         let (radius, n_cells) = (self.radius, self.n_cells);
         match (self.n_neighbors, self.threshold) {
             (Some(n_neighbors), Some(threshold)) => {

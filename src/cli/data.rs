@@ -5,7 +5,8 @@ use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::dataset::{self, Dataset, Described, Problem};
 use crate::image::{Image, Limits};
 use crate::model::{
-    BAG, Candidate, CarriedNetwork, Config, Effort, Extractor, LoadedModel, Model, Networks, PATTERNS,
+    BAG, Candidate, CarriedNetwork, Config, DEFAULT_NETWORK, Effort, Extractor, LoadedModel, Means, Model,
+    Networks, PATTERNS, all_opinions,
 };
 use crate::network::Runtime;
 use anyhow::{Context, bail};
@@ -197,32 +198,53 @@ impl From<EffortName> for Effort {
 
 impl ConfigArgs {
     /// What is chosen among: what is configured, or else the candidates of the effort.
-    pub(super) fn candidates(&self) -> anyhow::Result<Vec<Candidate>> {
+    pub(super) fn candidates(&self, dataset: &Dataset) -> anyhow::Result<Vec<Candidate>> {
         if self.config.is_some() || !self.parameters.is_empty() {
             return Ok(vec![Candidate { name: "as configured".to_owned(), config: self.read()? }]);
         }
-        let mut candidates = Effort::from(self.effort).candidates(0);
+        let effort = Effort::from(self.effort);
+        let has_network = self.onnx_path(DEFAULT_NETWORK).is_file();
+        if !has_network && effort != Effort::Fast {
+            eprintln!(
+                "note: there is no network in {}, with which up to twice as many frames are answered right: \
+                 `make networks` fetches one",
+                self.networks.display()
+            );
+        }
+        let camera = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
+        let mut candidates = Means { effort, camera, has_network }.candidates();
+        let mut config = all_opinions(&candidates).context("there is nothing to train")?;
+        self.link(&mut config)?;
         for candidate in &mut candidates {
-            candidate.config = self.with_wanted_opinions(candidate.config.clone());
+            let opinions = candidate.config.opinions.clone();
+            candidate.config =
+                self.with_wanted_opinions(config.with_opinions(|name| opinions.contains_key(name)));
         }
         candidates.retain(|candidate| !candidate.config.opinions.is_empty());
         candidates.dedup_by(|later, earlier| later.config == earlier.config);
+        let configs = candidates.iter_mut().map(|candidate| &mut candidate.config);
+        self.link(configs)?;
         if candidates.is_empty() {
             bail!("no candidate has an opinion called {}: see --help", self.opinions.join(" or "));
         }
         Ok(candidates)
     }
 
-    /// Gives a configuration the networks that it names.
-    fn link(&self, config: &mut Config) -> anyhow::Result<()> {
-        let names = config.network_names();
+    fn onnx_path(&self, network: &str) -> PathBuf {
+        self.networks.join(format!("{network}.onnx"))
+    }
+
+    /// Gives configurations the networks that they name, each opened once.
+    fn link<'c>(&self, configs: impl Iterator<Item = &'c mut Config>) -> anyhow::Result<()> {
+        let configs: Vec<&mut Config> = configs.collect();
+        let names: BTreeSet<String> = configs.iter().flat_map(|config| config.network_names()).collect();
         if names.is_empty() {
             return Ok(());
         }
         Runtime::look_into(self.networks.clone());
         let mut networks = Networks::new();
         for name in names {
-            let path = self.networks.join(format!("{name}.onnx"));
+            let path = self.onnx_path(&name);
             if !path.is_file() {
                 bail!(
                     "the network {name} is not in {}: run `make networks`, which fetches it, or name the folder \
@@ -232,7 +254,7 @@ impl ConfigArgs {
             }
             networks.insert(name, Arc::new(CarriedNetwork::read(&path)?));
         }
-        config.link(&networks).map_err(anyhow::Error::msg)
+        configs.into_iter().try_for_each(|config| config.link(&networks)).map_err(anyhow::Error::msg)
     }
 
     fn with_wanted_opinions(&self, config: Config) -> Config {
@@ -265,7 +287,7 @@ impl ConfigArgs {
             table = toml::Table::try_from(table.try_into::<Config>()?)?;
         }
         let mut config = self.with_wanted_opinions(table.try_into()?);
-        self.link(&mut config)?;
+        self.link(std::iter::once(&mut config))?;
         if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
             bail!("the configuration has no opinion called {name}");
         }

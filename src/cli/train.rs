@@ -9,8 +9,8 @@ use crate::dataset::{Dataset, Described};
 use crate::evaluate::Evaluation;
 use crate::image::Limits;
 use crate::model::{
-    Addition, Card, Choice, Extractor, GoldenFrame, HeldOut, Measurement, Model, Sample, Training,
-    TrainingStep, Trials, all_opinions, choose,
+    Addition, Card, Choice, Extractor, GoldenFrame, HeldOut, LeftOut, Measurement, Model, Sample, Training,
+    TrainingStep, all_opinions, train_preferred,
 };
 use crate::repository::VersionId;
 use crate::validate::{self, Answered};
@@ -217,7 +217,7 @@ impl<'a> Destination<'a> {
 fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
     let dataset = args.data.open(None)?;
     dataset.check()?;
-    let candidates = args.config.candidates()?;
+    let candidates = args.config.candidates(&dataset)?;
     let config = all_opinions(&candidates).context("there is nothing to train")?;
     let limits = args.limits.limits();
     let camera = args.config.camera(&dataset, &limits)?;
@@ -225,9 +225,12 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
     let samples: Vec<&Sample> = described.samples.iter().collect();
     let mut choice = None;
     let training = with_progress(|progress| {
-        let mut trials = Trials::run(&samples, &config, progress)?;
-        let chosen = choice.insert(choose(&trials, &candidates)?);
-        Ok(trials.finish(&candidates[chosen.chosen].config, camera)?)
+        let preferred = train_preferred(&samples, &candidates, &camera, progress)?;
+        for LeftOut { opinion, reason } in &preferred.left_out {
+            eprintln!("left out: the opinion {opinion}: {reason}");
+        }
+        choice = Some(preferred.choice);
+        Ok(preferred.training)
     })?;
     let sequences = sequences(&dataset);
     let held_out = if sequences.len() > 1 { "held-out sequences" } else { "held-out frames" };

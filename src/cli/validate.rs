@@ -106,7 +106,7 @@ struct Report {
 /// Runs all seeds and prints mean, deviation and best.
 pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
     let dataset = args.data.open(None)?;
-    let trainee = args.trainee()?;
+    let trainee = args.trainee(&dataset)?;
     let reports = match (&args.train, &args.train_split) {
         (None, None) => by_protocol(args, &trainee, &dataset)?,
         (train, train_split) => {
@@ -138,8 +138,8 @@ pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
 }
 
 impl ValidateArgs {
-    fn trainee(&self) -> anyhow::Result<Trainee> {
-        let candidates = self.config.candidates()?;
+    fn trainee(&self, dataset: &Dataset) -> anyhow::Result<Trainee> {
+        let candidates = self.config.candidates(dataset)?;
         let config = all_opinions(&candidates).context("there is nothing to train")?;
         let method =
             if self.each { Method::Every(validate::teams(&config)) } else { Method::Preferred(candidates) };

@@ -109,7 +109,7 @@ mod tests {
             side in 8usize..70, n_cells in 1usize..8, n_bins in 1usize..=16, center in 4f32..100.0,
             random in prop::collection::vec(any::<u8>(), 80 * 90),
         ) {
-            let region = Region { side, weighting: Weighting::Uniform };
+            let region = Region { side, ..Region::default() };
             let image = noise(200, 200);
             let view = Camera::new(Projection::Perspective).view(200, 200);
             let mut window = Window::new(&region, 3);

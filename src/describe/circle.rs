@@ -33,23 +33,24 @@ impl NeighborCircle {
     /// One neighbor of every pixel of the region: rows of the window's side one after the other, the
     /// region's pixels at the start of each. What lies between two rows of the region means nothing.
     pub(super) fn neighbors<'a>(&self, neighbor_idx: usize, window: &'a Window) -> Taps<'a> {
-        self.taps(&self.neighbors[neighbor_idx], window)
+        self.taps(&self.neighbors[neighbor_idx], window.pixels(), window.side())
+    }
+
+    /// The same of any `pixels` in rows of `stride`, of which as many as the circle reads beyond lie round the
+    /// pixels that have neighbors.
+    pub(super) fn neighbors_in<'a>(&self, neighbor_idx: usize, pixels: &'a [u8], stride: usize) -> Taps<'a> {
+        self.taps(&self.neighbors[neighbor_idx], pixels, stride)
     }
 
     /// The pixels themselves, laid out as their [`NeighborCircle::neighbors`].
     pub(super) fn centers<'a>(&self, window: &'a Window) -> Taps<'a> {
-        self.taps(&Neighbor { column: 0, row: 0, weights: [ONE, 0, 0, 0] }, window)
+        self.taps(&Neighbor { column: 0, row: 0, weights: [ONE, 0, 0, 0] }, window.pixels(), window.side())
     }
 
-    fn taps<'a>(&self, neighbor: &Neighbor, window: &'a Window) -> Taps<'a> {
-        let side = window.side();
+    fn taps<'a>(&self, neighbor: &Neighbor, pixels: &'a [u8], stride: usize) -> Taps<'a> {
         let row = self.margin.wrapping_add_signed(neighbor.row);
-        let start = row * side + self.margin.wrapping_add_signed(neighbor.column);
-        Taps {
-            above: &window.pixels()[start..],
-            below: &window.pixels()[start + side..],
-            weights: neighbor.weights,
-        }
+        let start = row * stride + self.margin.wrapping_add_signed(neighbor.column);
+        Taps { above: &pixels[start..], below: &pixels[start + stride..], weights: neighbor.weights }
     }
 }
 
@@ -66,9 +67,13 @@ impl Neighbor {
         let (column, row) = (dx.floor(), dy.floor());
         let (right, bottom) = (dx - column, dy - row);
         let weight = |share: f64| (share * f64::from(ONE)).round() as u16;
-        let top_right = weight(right * (1.0 - bottom));
-        let bottom_left = weight((1.0 - right) * bottom);
-        let bottom_right = weight(right * bottom);
+        let mut others = [right * (1.0 - bottom), (1.0 - right) * bottom, right * bottom].map(weight);
+        // Of a neighbor almost on a pixel of these, the three may be rounded to more than there is.
+        let excess = others.iter().sum::<u16>().saturating_sub(ONE);
+        if let Some(largest) = others.iter_mut().max() {
+            *largest -= excess;
+        }
+        let [top_right, bottom_left, bottom_right] = others;
         let top_left = ONE - top_right - bottom_left - bottom_right;
         Self {
             column: column as isize,
@@ -82,16 +87,25 @@ impl Neighbor {
 mod tests {
     use super::*;
     use crate::camera::{Camera, Projection};
-    use crate::describe::{Region, Weighting};
+    use crate::describe::Region;
     use crate::detect::Keypoint;
     use crate::image::Image;
+
+    #[test]
+    fn weights_sum_to_one_at_any_radius() {
+        for step in 0..70_000 {
+            let circle = NeighborCircle::new(6, 1.0 + step as f32 * 1e-4);
+            let sums = circle.neighbors.iter().map(|neighbor| neighbor.weights.iter().sum::<u16>());
+            assert!(sums.into_iter().all(|sum| sum == ONE), "{step}");
+        }
+    }
 
     #[test]
     fn neighbors_of_a_plane_surface_are_where_the_circle_says() {
         let image = Image::from_pixels(80, 60, (0..80 * 60).map(|i| (i % 80 + 2 * (i / 80)) as u8).collect());
         let image = image.unwrap();
         let view = Camera::new(Projection::Perspective).view(80, 60);
-        let region = Region { side: 7, weighting: Weighting::Uniform };
+        let region = Region { side: 7, ..Region::default() };
         for (n_neighbors, radius) in [(6, 2.0f32), (8, 1.0), (8, 2.5)] {
             let circle = NeighborCircle::new(n_neighbors, radius);
             let mut window = Window::new(&region, margin(radius));

@@ -8,6 +8,7 @@
 
 use super::cells::Cells;
 use super::circle::{self, NeighborCircle};
+use super::code_sums::{CellEdges, CodeSums};
 use super::region::{Region, Window};
 use crate::camera::View;
 use crate::detect::Keypoint;
@@ -57,25 +58,74 @@ impl CsLbp {
     }
 
     pub(super) fn describe(&self, image: &Image, keypoints: &[Keypoint], view: &View) -> Matrix {
-        let n_pairs = self.n_neighbors / 2;
-        let threshold = (self.threshold * 255.0 * 256.0).round() as u16;
-        let circle = NeighborCircle::new(self.n_neighbors, self.radius);
-        let mut window = Window::new(&self.region, circle::margin(self.radius));
-        let mut cells = Cells::new(&self.region, self.n_cells, 1 << n_pairs);
-        let mut codes = window.new_codes();
-        let bins = std::array::from_fn(|code| code as u8);
         let mut descriptors = Matrix::zeros(keypoints.len(), self.n_dimensions());
-        for (row_idx, keypoint) in keypoints.iter().enumerate() {
-            window.take(image, keypoint, view);
-            codes.as_flattened_mut().fill(0);
-            for pair in 0..n_pairs {
-                let neighbors = circle.neighbors(pair, &window);
-                let opposite = circle.neighbors(pair + n_pairs, &window);
-                simd::mark_brighter(neighbors, opposite, threshold, 1 << pair, &mut codes);
+        let codes = self.codes();
+        let sums =
+            CodeSums::are_faster(self, image, keypoints, view).then(|| CodeSums::new(&codes, image, view));
+        for (region, keypoints) in self.region.by_side(keypoints, self.n_cells) {
+            match &sums {
+                Some(sums) => {
+                    let edges = CellEdges::new(region.side, self.n_cells);
+                    for (row_idx, keypoint) in keypoints {
+                        sums.describe(keypoint, &edges, 1 << codes.n_pairs, descriptors.row_mut(row_idx));
+                    }
+                }
+                None => self.describe_each(&codes, &region, (image, view), &keypoints, &mut descriptors),
             }
-            cells.describe(codes.as_flattened_mut(), &bins, &window, descriptors.row_mut(row_idx));
         }
         descriptors
+    }
+
+    /// Describes keypoints with a region of the same side one by one.
+    pub(super) fn describe_each(
+        &self,
+        codes_of: &Codes,
+        region: &Region,
+        (image, view): (&Image, &View),
+        keypoints: &[(usize, &Keypoint)],
+        descriptors: &mut Matrix,
+    ) {
+        let mut window = Window::new(region, codes_of.margin);
+        let mut cells = Cells::new(region, self.n_cells, 1 << codes_of.n_pairs);
+        let mut codes = window.new_codes();
+        let bins = std::array::from_fn(|code| code as u8);
+        for &(row_idx, keypoint) in keypoints {
+            window.take(image, keypoint, view);
+            codes_of.write(window.pixels(), window.side(), &mut codes);
+            cells.describe(codes.as_flattened_mut(), &bins, &window, descriptors.row_mut(row_idx));
+        }
+    }
+
+    pub(super) fn codes(&self) -> Codes {
+        Codes {
+            n_pairs: self.n_neighbors / 2,
+            threshold: (self.threshold * 255.0 * 256.0).round() as u16,
+            circle: NeighborCircle::new(self.n_neighbors, self.radius),
+            margin: circle::margin(self.radius),
+        }
+    }
+}
+
+/// How the pixels of a picture get their codes.
+pub(super) struct Codes {
+    /// Of neighbors, each a bit of a code.
+    pub(super) n_pairs: usize,
+    /// In 1/256 of a gray value.
+    threshold: u16,
+    circle: NeighborCircle,
+    /// How many pixels beyond those that get a code are read.
+    pub(super) margin: usize,
+}
+
+impl Codes {
+    /// The codes of the pixels that lie the margin away from the border of `pixels`, rows of `stride`.
+    pub(super) fn write(&self, pixels: &[u8], stride: usize, codes: &mut [[u8; simd::CODE_BLOCK]]) {
+        codes.as_flattened_mut().fill(0);
+        for pair in 0..self.n_pairs {
+            let neighbors = self.circle.neighbors_in(pair, pixels, stride);
+            let opposite = self.circle.neighbors_in(pair + self.n_pairs, pixels, stride);
+            simd::mark_brighter(neighbors, opposite, self.threshold, 1 << pair, codes);
+        }
     }
 }
 

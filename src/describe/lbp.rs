@@ -50,22 +50,25 @@ impl Lbp {
 
     pub(super) fn describe(&self, image: &Image, keypoints: &[Keypoint], view: &View) -> Matrix {
         let circle = NeighborCircle::new(N_NEIGHBORS, self.radius);
-        let mut window = Window::new(&self.region, circle::margin(self.radius));
-        let mut cells = Cells::new(&self.region, self.n_cells, N_BINS);
-        let mut darker = window.new_codes();
         // What is computed are the neighbors darker than the center: the complement of the code.
         let bins = uniform_bins();
         let bins_of_darker = std::array::from_fn(|darker| bins[usize::from(!(darker as u8))]);
         let mut descriptors = Matrix::zeros(keypoints.len(), self.n_dimensions());
-        for (row_idx, keypoint) in keypoints.iter().enumerate() {
-            window.take(image, keypoint, view);
-            darker.as_flattened_mut().fill(0);
-            let centers = circle.centers(&window);
-            for neighbor_idx in 0..N_NEIGHBORS {
-                let neighbors = circle.neighbors(neighbor_idx, &window);
-                simd::mark_brighter(centers, neighbors, 0, 1 << neighbor_idx, &mut darker);
+        for (region, keypoints) in self.region.by_side(keypoints, self.n_cells) {
+            let mut window = Window::new(&region, circle::margin(self.radius));
+            let mut cells = Cells::new(&region, self.n_cells, N_BINS);
+            let mut darker = window.new_codes();
+            for (row_idx, keypoint) in keypoints {
+                window.take(image, keypoint, view);
+                darker.as_flattened_mut().fill(0);
+                let centers = circle.centers(&window);
+                for neighbor_idx in 0..N_NEIGHBORS {
+                    let neighbors = circle.neighbors(neighbor_idx, &window);
+                    simd::mark_brighter(centers, neighbors, 0, 1 << neighbor_idx, &mut darker);
+                }
+                let row = descriptors.row_mut(row_idx);
+                cells.describe(darker.as_flattened_mut(), &bins_of_darker, &window, row);
             }
-            cells.describe(darker.as_flattened_mut(), &bins_of_darker, &window, descriptors.row_mut(row_idx));
         }
         descriptors
     }

@@ -5,9 +5,10 @@ use crate::detect::Keypoint;
 use crate::image::Image;
 use crate::simd;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// The longest side that a region may have, in pixels.
-const MAX_SIDE: usize = 255;
+pub(super) const MAX_SIDE: usize = 255;
 
 /// The square round a keypoint that is described. Its size is not published; sides of 24 to 48 pixels do
 /// about as well on held-out frames (docs/RESULTS.md).
@@ -18,11 +19,15 @@ pub struct Region {
     pub side: usize,
     /// How much its pixels count.
     pub weighting: Weighting,
+    /// Whether the side is that at scale 1, and grows with the scale of a keypoint up to 255 pixels; else it is the
+    /// same for all.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub scaled: bool,
 }
 
 impl Default for Region {
     fn default() -> Self {
-        Self { side: 32, weighting: Weighting::Uniform }
+        Self { side: 32, weighting: Weighting::Uniform, scaled: false }
     }
 }
 
@@ -46,6 +51,28 @@ impl Region {
             ));
         }
         Ok(())
+    }
+
+    /// Its side round a keypoint, in pixels, at least one a cell.
+    pub(super) fn side_at(&self, keypoint: &Keypoint, n_cells: usize) -> usize {
+        if !self.scaled {
+            return self.side;
+        }
+        ((self.side as f32 * keypoint.scale).round() as usize).clamp(n_cells, MAX_SIDE)
+    }
+
+    /// The keypoints with a region of the same side, each with the index of its row, and that region.
+    pub(super) fn by_side<'a>(
+        &self,
+        keypoints: &'a [Keypoint],
+        n_cells: usize,
+    ) -> impl Iterator<Item = (Self, Vec<(usize, &'a Keypoint)>)> {
+        let mut by_side: BTreeMap<usize, Vec<(usize, &Keypoint)>> = BTreeMap::new();
+        for (row_idx, keypoint) in keypoints.iter().enumerate() {
+            by_side.entry(self.side_at(keypoint, n_cells)).or_default().push((row_idx, keypoint));
+        }
+        let region = *self;
+        by_side.into_iter().map(move |(side, keypoints)| (Self { side, ..region }, keypoints))
     }
 
     /// Whole numbers, one a pixel, row after row.
@@ -81,15 +108,19 @@ pub(super) struct Window {
 
 impl Window {
     pub(super) fn new(region: &Region, margin: usize) -> Self {
-        let side = region.side + 2 * margin;
-        Self {
+        let mut window = Self {
             region_side: region.side,
             margin,
-            pixels: vec![0; side * side + simd::CODE_BLOCK.max(simd::GRID_BLOCK)],
+            pixels: Vec::new(),
             outside: Vec::new(),
             surroundings: Vec::new(),
             quads: Vec::new(),
-        }
+        };
+        let side = window.side();
+        // What is read of them for the last codes: of neighbors below and to the right.
+        let n_read = window.new_codes().len() * simd::CODE_BLOCK + 2 * margin * (side + 1) + 1;
+        window.pixels = vec![0; n_read.max(side * side + simd::GRID_BLOCK)];
+        window
     }
 
     /// The side with both margins.
@@ -191,18 +222,29 @@ impl Window {
     }
 }
 
-/// Copies the square of `side` pixels whose upper left corner is (left, top). Beyond the image its border
-/// pixels are repeated, or its columns when it `wraps`.
-fn copy_square(image: &Image, (left, top): (isize, isize), side: usize, wraps: bool, square: &mut [u8]) {
-    let (width, height) = (image.width() as isize, image.height() as isize);
-    for (y, line) in (top..).zip(square[..side * side].chunks_exact_mut(side)) {
-        let row = image.row(y.clamp(0, height - 1) as usize);
-        if left >= 0 && left + side as isize <= width {
-            line.copy_from_slice(&row[left as usize..][..side]);
+/// Copies the square of `side` pixels whose upper left corner is `corner`; see [`copy_rows`].
+fn copy_square(image: &Image, corner: (isize, isize), side: usize, wraps: bool, square: &mut [u8]) {
+    copy_rows(image, corner, side, wraps, &mut square[..side * side]);
+}
+
+/// Copies rows of `width` pixels, the first of which begins at (left, top). Beyond the image its border pixels are
+/// repeated, or its columns when it `wraps`.
+pub(super) fn copy_rows(
+    image: &Image,
+    (left, top): (isize, isize),
+    width: usize,
+    wraps: bool,
+    rows: &mut [u8],
+) {
+    let (image_width, image_height) = (image.width() as isize, image.height() as isize);
+    for (y, line) in (top..).zip(rows.chunks_exact_mut(width)) {
+        let row = image.row(y.clamp(0, image_height - 1) as usize);
+        if left >= 0 && left + width as isize <= image_width {
+            line.copy_from_slice(&row[left as usize..][..width]);
             continue;
         }
         for (x, pixel) in (left..).zip(line) {
-            let x = if wraps { x.rem_euclid(width) } else { x.clamp(0, width - 1) };
+            let x = if wraps { x.rem_euclid(image_width) } else { x.clamp(0, image_width - 1) };
             *pixel = row[x as usize];
         }
     }
@@ -226,7 +268,7 @@ mod tests {
     fn upright_windows_are_copies() {
         let image = gradient(60, 40);
         let view = Camera::new(Projection::Perspective).view(60, 40);
-        let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 3);
+        let mut window = Window::new(&Region { side: 8, ..Region::default() }, 3);
         window.take(&image, &keypoint(30.0, 20.0), &view);
         assert_eq!(window.outside(), None);
         for (idx, &pixel) in window.pixels()[..14 * 14].iter().enumerate() {
@@ -238,7 +280,7 @@ mod tests {
     fn pixels_beyond_the_frame_do_not_count() {
         let image = gradient(60, 40);
         let view = Camera::new(Projection::Perspective).view(60, 40);
-        let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 3);
+        let mut window = Window::new(&Region { side: 8, ..Region::default() }, 3);
         window.take(&image, &keypoint(4.0, 20.0), &view);
         let outside = window.outside().unwrap();
         // Columns 0..8 of the frame; those nearer than the margin to its edge are out.
@@ -250,7 +292,7 @@ mod tests {
     fn panoramas_continue_beyond_their_edge() {
         let image = gradient(60, 40);
         let view = Camera::new(Projection::Equirectangular).view(60, 40);
-        let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 2);
+        let mut window = Window::new(&Region { side: 8, ..Region::default() }, 2);
         window.take(&image, &keypoint(1.0, 20.0), &view);
         assert_eq!(window.outside(), None);
         assert_eq!(window.pixels()[0], image.row(14)[60 - 5]);
@@ -266,7 +308,7 @@ mod tests {
             (2.0 * dx.hypot(dy)) as u8
         };
         let image = Image::from_pixels(200, 200, (0..200 * 200).map(ring).collect()).unwrap();
-        let mut window = Window::new(&Region { side: 8, weighting: Weighting::Uniform }, 1);
+        let mut window = Window::new(&Region { side: 8, ..Region::default() }, 1);
         for angle in [0.0f32, 0.7, 2.0, 4.0, 5.5] {
             let (x, y) = (100.0 + 50.0 * angle.cos(), 100.0 + 50.0 * angle.sin());
             window.take(&image, &keypoint(x, y), &view);
@@ -290,7 +332,7 @@ mod tests {
             image.row(at(idx / 140))[at(idx % 140)]
         };
         let larger = Image::from_pixels(140, 140, (0..140 * 140).map(continued).collect()).unwrap();
-        let region = Region { side: 16, weighting: Weighting::Uniform };
+        let region = Region { side: 16, ..Region::default() };
         let (mut window, mut expected) = (Window::new(&region, 2), Window::new(&region, 2));
         for (x, y) in [(1.0, 1.0), (3.0, 30.0), (57.0, 12.0), (31.0, 59.0), (14.0, 14.0)] {
             window.take(&image, &keypoint(x, y), &camera.view(60, 60));

@@ -233,11 +233,12 @@ impl Model {
         };
         let outcomes = decided.iter().map(outcome).collect();
         let known_probability = held_out::known_probability(outcomes, &self.config.calibration);
+        let doubt = fusion.doubt;
         let fitted = fusion.calibrations.into_iter().zip(fusion.weights);
         for (opinion, (calibration, weight)) in opinions.iter_mut().zip(fitted) {
             (opinion.calibration, opinion.weight) = (calibration, weight);
         }
-        Ok(Classification { n_places, opinions, known_probability })
+        Ok(Classification { n_places, opinions, doubt, known_probability })
     }
 }
 

@@ -97,9 +97,20 @@ impl Calibration {
         }
     }
 
-    /// A calibration of unknown origin.
+    /// What is taken where nothing is known.
+    pub(super) fn usual(way: Way, n_places: usize, config: &CalibrationConfig) -> Result<Self, TrainError> {
+        let none = HeldOutValues { values: Matrix::new(way.n_values(n_places)), labels: Vec::new() };
+        Self::fit(way, &none, n_places, config)
+    }
+
+    /// A calibration of unknown origin. That of what was called a cue in files of format version 1 is one of sigmoids,
+    /// one a room.
     pub(super) fn from_arrays(way: Way, n_places: usize, arrays: &Arrays) -> Result<Self, FormatError> {
+        let has_sigmoids = arrays.has("calibration.slopes");
         match way {
+            Way::Softmax { .. } if has_sigmoids => {
+                Self::from_arrays(Way::Sigmoids(Scheme::OneVsAll), n_places, arrays)
+            }
             Way::Sigmoids(scheme) => {
                 let slopes = arrays.vector("calibration.slopes")?;
                 let offsets = arrays.vector("calibration.offsets")?;

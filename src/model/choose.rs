@@ -1,6 +1,8 @@
 //! Which opinions a model has, chosen by held-out frames among a few candidates.
 
-use super::{Config, HeldOut, TrainError, Trials};
+use super::held_out::TELLABLE;
+use super::{Config, HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
+use crate::camera::Camera;
 use serde::{Deserialize, Serialize};
 
 /// A configuration that may be chosen.
@@ -51,22 +53,87 @@ pub fn all_opinions(candidates: &[Candidate]) -> Option<Config> {
     Some(config)
 }
 
+/// An opinion that none can have on these frames.
+#[derive(Debug)]
+pub struct LeftOut {
+    /// Its name.
+    pub opinion: String,
+    /// What it cannot learn.
+    pub reason: TrainError,
+}
+
+/// A model of the candidate that was chosen.
+#[derive(Debug)]
+pub struct Preferred {
+    /// The model, and its held-out answers.
+    pub training: Training,
+    /// Why it was chosen.
+    pub choice: Choice,
+    /// The opinions that none of the candidates could have.
+    pub left_out: Vec<LeftOut>,
+}
+
+/// Trains a model of the candidate that held-out frames prefer; see [`choose`]. Where there are several, an opinion that
+/// cannot learn from these frames is left out of all. `progress` is called before each step.
+///
+/// # Errors
+/// Those of [`Trials::run`].
+pub fn train_preferred(
+    samples: &[&Sample],
+    candidates: &[Candidate],
+    camera: &Camera,
+    mut progress: impl FnMut(TrainingStep),
+) -> Result<Preferred, TrainError> {
+    let mut left_out: Vec<LeftOut> = Vec::new();
+    loop {
+        let candidates = without(candidates, &left_out);
+        let Some(config) = all_opinions(&candidates) else {
+            let none = || TrainError::Config("there is no opinion to train".to_owned());
+            return Err(left_out.pop().map_or_else(none, |last| last.reason));
+        };
+        match Trials::run(samples, &config, &mut progress) {
+            Ok(mut trials) => {
+                let choice = choose(&trials, &candidates)?;
+                let training = trials.finish(&candidates[choice.chosen].config, camera.clone())?;
+                return Ok(Preferred { training, choice, left_out });
+            }
+            Err(TrainError::Opinion { name, error }) if candidates.len() > 1 => {
+                left_out.push(LeftOut { opinion: name, reason: *error });
+            }
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+/// What is left of the candidates, none twice.
+fn without(candidates: &[Candidate], left_out: &[LeftOut]) -> Vec<Candidate> {
+    let mut left: Vec<Candidate> = Vec::new();
+    for Candidate { name, config } in candidates {
+        let config = config.with_opinions(|name| left_out.iter().all(|left_out| left_out.opinion != name));
+        if !config.opinions.is_empty() && left.iter().all(|other| other.config != config) {
+            left.push(Candidate { name: name.clone(), config });
+        }
+    }
+    left
+}
+
 /// Chooses the candidate that answered the held-out frames best. Candidates come in the order of preference: a later one
 /// is taken only where it is right on more frames than the best before it by over a standard error, that is, by
 /// more than the square root of the number of frames on which exactly one of both is right (McNemar, "Note on the sampling
-/// error of the difference between correlated proportions or percentages", Psychometrika 1947). Without held-out frames it is
-/// the first.
+/// error of the difference between correlated proportions or percentages", Psychometrika 1947). It is the first where
+/// there are no held-out frames, and where no candidate is right on at least half of them: then held-out drives show other
+/// parts of the rooms than those that trained, and cannot tell.
 ///
 /// # Errors
 /// No calibration.
 ///
 /// # Panics
 /// Without candidates.
-pub fn choose(trials: &Trials, candidates: &[Candidate]) -> Result<Choice, TrainError> {
+fn choose(trials: &Trials, candidates: &[Candidate]) -> Result<Choice, TrainError> {
     let mut tallies = Vec::with_capacity(candidates.len());
     let mut right_frames: Vec<Vec<bool>> = Vec::with_capacity(candidates.len());
     let mut chosen = 0;
-    for (idx, candidate) in candidates.iter().enumerate() {
+    for candidate in candidates {
         let held_out = trials.held_out(&candidate.config)?;
         let is_right = trials.is_right(&held_out);
         tallies.push(Tally {
@@ -76,8 +143,13 @@ pub fn choose(trials: &Trials, candidates: &[Candidate]) -> Result<Choice, Train
             n_frames: held_out.len(),
         });
         right_frames.push(is_right);
-        if is_clearly_better(&right_frames[idx], &right_frames[chosen]) {
-            chosen = idx;
+    }
+    let n_tellable = tallies.iter().map(|tally| tally.n_right).max().unwrap_or_default();
+    if n_tellable as f64 >= TELLABLE * tallies[0].n_frames as f64 {
+        for idx in 1..candidates.len() {
+            if is_clearly_better(&right_frames[idx], &right_frames[chosen]) {
+                chosen = idx;
+            }
         }
     }
     Ok(Choice { chosen, tallies })

@@ -2,7 +2,7 @@
 
 use super::opinion::{MachinesConfig, OpinionConfig, PatternsConfig, Representation};
 use super::sight::Sight;
-use super::{Classifier, Networks, opinion};
+use super::{Classifier, Networks};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
 use serde::{Deserialize, Serialize};
@@ -302,9 +302,7 @@ impl Config {
 
     /// How much each opinion counts where nothing is known of how well they do, in their order.
     pub(super) fn prior_weights(&self) -> Vec<f64> {
-        let weights: Vec<f64> = self.opinions.values().map(OpinionConfig::prior_weight).collect();
-        let sum: f64 = weights.iter().sum();
-        weights.into_iter().map(|weight| weight * opinion::PRIOR_SUM / sum).collect()
+        self.opinions.values().map(OpinionConfig::prior_weight).collect()
     }
 }
 

@@ -1,23 +1,170 @@
 //! What `train` chooses among where nothing is asked for.
 
-use super::{Candidate, Config};
+use super::lens::Lens;
+use super::opinion::{
+    Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
+    VectorConfig,
+};
+use super::{BAG, Candidate, Config, PATTERNS};
+use crate::camera::CameraKind;
+use crate::describe::{CsLbp, Descriptor, Region, SiftDescriptor};
+use crate::detect::{Dense, Detector, Sift};
+use crate::network::Around;
+use crate::svm;
+use crate::vocabulary::{self, Pooling};
+use std::collections::BTreeMap;
 
 /// How much may be spent on a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Effort {
-    /// A few milliseconds.
+    /// A few milliseconds, without a network.
     Fast,
-    /// Some ten milliseconds.
+    /// Some ten milliseconds; several times as much of cameras that see all around.
     #[default]
     Balanced,
     /// What answers best.
     Best,
 }
 
-impl Effort {
-    /// The candidates, in the order of preference: cheaper ones first.
-    pub fn candidates(self, seed: u64) -> Vec<Candidate> {
-        let config = Config { seed, ..Config::default() };
-        vec![Candidate { name: "bag of words".to_owned(), config }]
+/// What there is to choose from.
+#[derive(Clone, Copy, Debug)]
+pub struct Means {
+    /// How much may be spent.
+    pub effort: Effort,
+    /// The camera whose frames are answered.
+    pub camera: CameraKind,
+    /// Whether the default network is there.
+    pub has_network: bool,
+}
+
+impl Means {
+    /// The candidates, in the order of preference.
+    pub fn candidates(&self) -> Vec<Candidate> {
+        let with_network = self.has_network && self.effort != Effort::Fast;
+        let mut places = vec![memory()];
+        let mut looks = vec![patterns()];
+        if self.effort != Effort::Fast {
+            looks.push(bag());
+        }
+        if self.effort == Effort::Best {
+            places.push(sift());
+        }
+        if !with_network {
+            return vec![
+                candidate("places and patterns", [&places[..], &looks].concat()),
+                candidate("patterns alone", looks),
+            ];
+        }
+        places.push(self.grid());
+        places.push(self.vector());
+        vec![
+            candidate("places and a network", places.clone()),
+            candidate("a network alone", vec![self.vector()]),
+            candidate("everything", [places, looks].concat()),
+        ]
+    }
+
+    /// How the default network looks at frames.
+    fn lens(&self) -> Lens {
+        match self.camera {
+            CameraKind::Perspective => Lens::of_size(384, 224, Around::Views { n: 8 }),
+            CameraKind::Equirectangular | CameraKind::Omnidirectional => Lens::default(),
+        }
+    }
+
+    fn vector(&self) -> Named {
+        Named("vector", OpinionConfig::Vector(VectorConfig { lens: self.lens(), ..VectorConfig::default() }))
+    }
+
+    /// Cells of a panorama are looked for on one strip: views would show most of them twice.
+    fn grid(&self) -> Named {
+        let (lens, grid) = match self.camera {
+            CameraKind::Perspective => (self.lens(), "block10"),
+            CameraKind::Equirectangular | CameraKind::Omnidirectional => {
+                let around = Around::Strip { border: 32 };
+                (Lens::of_size(640, 256, around), "block14")
+            }
+        };
+        let features = Remembered::Grid { lens, grid: grid.to_owned() };
+        Named("grid", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))
+    }
+}
+
+/// An opinion by its name.
+#[derive(Clone)]
+struct Named(&'static str, OpinionConfig);
+
+fn candidate(name: &str, opinions: Vec<Named>) -> Candidate {
+    let opinions: BTreeMap<String, OpinionConfig> =
+        opinions.into_iter().map(|Named(name, opinion)| (name.to_owned(), opinion)).collect();
+    Candidate { name: name.to_owned(), config: Config { opinions, ..Config::default() } }
+}
+
+/// Corners, as the fast loops find them.
+fn memory() -> Named {
+    Named("memory", OpinionConfig::Memory(MemoryConfig::default()))
+}
+
+fn sift() -> Named {
+    let features = Remembered::Keypoints {
+        detector: Detector::Sift(Sift::default()),
+        descriptor: Descriptor::Sift(SiftDescriptor::default()),
+    };
+    Named("sift", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))
+}
+
+fn patterns() -> Named {
+    Named(PATTERNS, OpinionConfig::Patterns(PatternsConfig::default()))
+}
+
+/// Words of a grid of points at several sizes, counted where they lie.
+fn bag() -> Named {
+    let bag = vocabulary::Config {
+        n_words: 400,
+        max_descriptors: 50_000,
+        max_rounds: 15,
+        pooling: Pooling::Pyramid { levels: 3 },
+        ..vocabulary::Config::default()
+    };
+    let region = Region { side: 16, scaled: true, ..Region::default() };
+    let machines = MachinesConfig {
+        detector: Detector::Dense(Dense::default()),
+        descriptor: Descriptor::CsLbp(CsLbp { radius: 1.0, region, ..CsLbp::default() }),
+        representation: Representation::Bag(bag),
+        classifier: Classifier::LinearSvm(svm::Config { c: 5.0, ..svm::Config::default() }),
+    };
+    Named(BAG, OpinionConfig::Machines(machines))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::all_opinions;
+
+    #[test]
+    fn candidates_are_parts_of_one_configuration_that_makes_sense() {
+        for camera in [CameraKind::Perspective, CameraKind::Equirectangular, CameraKind::Omnidirectional] {
+            for effort in [Effort::Fast, Effort::Balanced, Effort::Best] {
+                let candidates = Means { effort, camera, has_network: false }.candidates();
+                let all = all_opinions(&candidates).unwrap();
+                assert_eq!(all.check(), Ok(()));
+                for candidate in candidates {
+                    assert_eq!(
+                        candidate.config,
+                        all.with_opinions(|name| candidate.config.opinions.contains_key(name))
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_network_is_looked_through_where_there_is_one_and_time_for_it() {
+        let looks_through = |effort, has_network| {
+            let means = Means { effort, camera: CameraKind::Equirectangular, has_network };
+            all_opinions(&means.candidates()).unwrap().opinions.contains_key("vector")
+        };
+        assert!(looks_through(Effort::Balanced, true) && looks_through(Effort::Best, true));
+        assert!(!looks_through(Effort::Fast, true) && !looks_through(Effort::Best, false));
     }
 }

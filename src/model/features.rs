@@ -3,7 +3,7 @@
 use super::Config;
 use super::lens::{Lens, Look};
 use super::sight::{LocalFeatures, Seen, Sight};
-use crate::camera::{Camera, View};
+use crate::camera::{Camera, Spot, View};
 use crate::describe::{Descriptor, FrameLbp, Sections};
 use crate::detect::{Detector, Keypoint};
 use crate::image::{Image, ImageError, Limits, Region};
@@ -122,13 +122,9 @@ impl<'a> Looks<'a> {
         self.so_far[idx].1.as_ref()
     }
 
-    /// Middles of pixels are whole numbers in both.
     fn at_working_size(&self, mut local: LocalFeatures) -> LocalFeatures {
-        for keypoint in &mut local.keypoints {
-            keypoint.x = (keypoint.x + 0.5) / self.reduction - 0.5;
-            keypoint.y = (keypoint.y + 0.5) / self.reduction - 0.5;
-            keypoint.scale /= self.reduction;
-        }
+        local.spots = spots(&local.keypoints, self.view);
+        shrink(&mut local.keypoints, self.reduction);
         local
     }
 }
@@ -207,7 +203,7 @@ impl Parameters {
         };
         let see = |sight: &'s Sight| match sight {
             Sight::Keypoints { detector, descriptor } => {
-                Seen::Local(scaled.describe((detector, descriptor), &mut scratch.space))
+                Seen::Local(self.describe_keypoints(&scaled, (detector, descriptor), &mut scratch.space))
             }
             Sight::Patterns(histograms) => {
                 Seen::Whole(self.describe_frame(&scaled, histograms, &mut scratch.sections))
@@ -222,6 +218,29 @@ impl Parameters {
             seen,
             scale: (image.width() * image.reduction()) as f32 / frame.width() as f32,
         }
+    }
+
+    /// The keypoints of a frame, shrunk first where the detector looks at smaller ones, and their descriptors.
+    fn describe_keypoints(
+        &self,
+        scaled: &Scaled,
+        (detector, descriptor): (&Detector, &Descriptor),
+        space: &mut ScaleSpace,
+    ) -> LocalFeatures {
+        let Some(frame) = detector.longest_side().and_then(|longest| scaled.frame.shrink_to(longest)) else {
+            return scaled.describe((detector, descriptor), space);
+        };
+        let size = [frame.width(), frame.height()];
+        let view = self.camera.view(size[0], size[1]);
+        let visible = scaled.visible.map(|visible| visible.shrunk(scaled.frame, size));
+        let view = match visible {
+            Some(visible) => view.within(visible),
+            None => view,
+        };
+        let shrunk = Scaled { frame: &frame, visible, view: &view };
+        let mut local = shrunk.describe((detector, descriptor), space);
+        shrink(&mut local.keypoints, size[0] as f32 / scaled.frame.width() as f32);
+        local
     }
 
     /// The patterns of the visible part of a frame, or of all of it; `kept` is kept for the next frame of the same
@@ -266,7 +285,22 @@ impl Scaled<'_> {
             }
             descriptor => descriptor.describe(self.frame, &keypoints, self.view),
         };
-        LocalFeatures { keypoints, descriptors }
+        let spots = spots(&keypoints, self.view);
+        LocalFeatures { keypoints, descriptors, spots }
+    }
+}
+
+/// Where keypoints lie in what the camera sees.
+fn spots(keypoints: &[Keypoint], view: &View) -> Vec<Spot> {
+    keypoints.iter().map(|keypoint| view.spot(keypoint.x, keypoint.y)).collect()
+}
+
+/// Moves keypoints to a frame with sides so many times as short. Middles of pixels are whole numbers in both.
+fn shrink(keypoints: &mut [Keypoint], reduction: f32) {
+    for keypoint in keypoints {
+        keypoint.x = (keypoint.x + 0.5) / reduction - 0.5;
+        keypoint.y = (keypoint.y + 0.5) / reduction - 0.5;
+        keypoint.scale /= reduction;
     }
 }
 

@@ -1,9 +1,15 @@
-//! A model on disk: a folder with `model.safetensors`, `model.json`, `golden/` and, where the model uses networks,
-//! `networks/`.
+//! A model on disk: a folder, which is all of it but the program and ONNX Runtime.
 //!
-//! `model.json` tells people and tools what the model is, and holds the digest of the model file. Its list of networks is
-//! that of the model file; see [`super::networks`]. The folder is all of the model: whoever copies it has everything
-//! that it needs but the ONNX Runtime.
+//! | file | what |
+//! |---|---|
+//! | `model.safetensors` | the model; it names its networks by their digests |
+//! | `model.json` | what people and tools read about it, the digest of the model file, and its list of networks |
+//! | `networks/DIGEST.onnx`, `networks/DIGEST.toml` | each network; see [`super::networks`] |
+//! | `golden/` | frames with the answers to them |
+//!
+//! The digest of the model file covers all that answers depend on: a network that was exchanged is refused, and so is a
+//! `model.json` whose list is not that of the model file. A repository keeps these folders whole, and networks that
+//! several versions have once; see `crate::repository`.
 
 use super::format::{FORMAT_VERSION, FormatError, Metadata};
 use super::golden::{GOLDEN_FOLDER, GoldenFrame, write_golden};

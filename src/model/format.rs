@@ -93,6 +93,9 @@ pub(super) struct Metadata {
     /// How much each opinion counts, by name.
     #[serde(default)]
     weights: BTreeMap<String, f64>,
+    /// The share of frames that show what was never seen.
+    #[serde(default)]
+    doubt: f64,
     pub config: Config,
     pub card: Card,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -138,6 +141,7 @@ impl Model {
             places: self.places.clone(),
             camera: self.camera().projection,
             known_probability: self.known_probability().unwrap_or(NEVER_KNOWN),
+            doubt: self.classification.doubt,
             weights: self.weights().into_iter().map(|(name, weight)| (name.to_owned(), weight)).collect(),
             config: self.config.clone(),
             card: self.card.clone(),
@@ -188,13 +192,15 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
     if metadata.networks != networks::entries(&networks) {
         return Err(FormatError::OtherNetworks);
     }
-    let Metadata { places, camera, known_probability, mut config, card, format_version, weights, .. } =
-        metadata;
+    let Metadata {
+        places, camera, known_probability, mut config, card, format_version, weights, doubt, ..
+    } = metadata;
     config.link(&networks).map_err(FormatError::Network)?;
     config.check().map_err(FormatError::Damaged)?;
     let distinct: BTreeSet<&str> = places.iter().map(String::as_str).collect();
     require(distinct.len() == places.len() && places.len() >= 2, "its rooms are not distinct")?;
     require(known_probability.is_finite(), "the probability from which answers are known is no number")?;
+    require((0.0..=1.0).contains(&doubt), "its doubt is no share")?;
     if let Projection::Omnidirectional(mirror) = camera {
         require(mirror.is_valid(), "its mirror is no ring")?;
     }
@@ -211,7 +217,12 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
         let arrays = arrays_of(name);
         let sight = opinion.sight();
         let n_dimensions = sight.n_dimensions(camera.kind());
-        let shape = Shape { n_places: places.len(), n_dimensions, n_frames: learned.n_frames() };
+        let shape = Shape {
+            camera: camera.kind(),
+            n_places: places.len(),
+            n_dimensions,
+            n_frames: learned.n_frames(),
+        };
         let trained = Arc::new(opinion.read(shape, &arrays)?);
         let calibration = Calibration::from_arrays(opinion.way(), places.len(), &arrays)?;
         opinions.push(Opinion { sight, trained, calibration, weight });
@@ -226,6 +237,7 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
         classification: Classification {
             n_places: places.len(),
             opinions,
+            doubt,
             known_probability: (known_probability <= 1.0).then_some(known_probability),
         },
         places,

@@ -7,7 +7,7 @@ use super::opinion::OpinionConfig;
 use super::pool::{self, Judged, Vote, pooled};
 use super::{CalibrationConfig, Config, TrainError};
 use crate::matrix::Matrix;
-use crate::svm::Scheme;
+use crate::svm::{Scheme, most_probable};
 
 /// The most frames that a model file keeps: a few hundred KiB an opinion for a dozen rooms.
 const MAX_KEPT: usize = 4096;
@@ -26,7 +26,13 @@ pub(super) struct Decided {
 pub(super) struct Fusion {
     pub(super) calibrations: Vec<Calibration>,
     pub(super) weights: Vec<f64>,
+    /// See [`pool::fit_doubt`].
+    pub(super) doubt: f64,
 }
+
+/// Below this share of frames that the best opinion is right on, held-out drives show other parts of the rooms than those that
+/// trained: they say nothing of how much opinions count.
+pub(super) const TELLABLE: f64 = 0.5;
 
 impl Fusion {
     /// Fits both to the decisions of the opinions of `config`, in its order. An opinion that saw nothing in any frame
@@ -37,8 +43,13 @@ impl Fusion {
         decided: &[&Decided],
         otherwise: &[&Decided],
     ) -> Result<Self, TrainError> {
+        let given = config.given_weights();
         let calibrate = |(opinion_idx, opinion): (usize, &OpinionConfig)| {
             let way = opinion.way();
+            // Where weights are fitted, they do what a slope would do as well.
+            if given.is_none() && matches!(way, Way::Softmax { .. }) {
+                return Calibration::usual(way, n_places, &config.calibration);
+            }
             let mut held_out = values_of(decided, opinion_idx, way.n_values(n_places));
             if held_out.labels.is_empty() {
                 held_out = values_of(otherwise, opinion_idx, way.n_values(n_places));
@@ -47,11 +58,14 @@ impl Fusion {
         };
         let calibrations: Vec<Calibration> =
             config.opinions.values().enumerate().map(calibrate).collect::<Result<_, _>>()?;
-        let weights = config.given_weights().unwrap_or_else(|| {
-            let judged = decided.iter().map(|decided| judged(decided, &calibrations));
-            pool::fit_weights(&judged.collect::<Vec<_>>(), &config.prior_weights())
-        });
-        Ok(Self { calibrations, weights })
+        if let Some(weights) = given {
+            return Ok(Self { calibrations, weights, doubt: 0.0 });
+        }
+        let judged: Vec<Judged> = decided.iter().map(|decided| judged(decided, &calibrations)).collect();
+        let prior = config.prior_weights();
+        let weights = if most_right(&judged) < TELLABLE { prior } else { pool::fit_weights(&judged, &prior) };
+        let doubt = pool::fit_doubt(&judged, &weights, n_places);
+        Ok(Self { calibrations, weights, doubt })
     }
 
     /// One probability a room; the same for all where no opinion counts that saw something.
@@ -60,9 +74,22 @@ impl Fusion {
         let votes = by_opinion.into_iter().zip(&self.weights);
         let votes =
             votes.filter_map(|(probabilities, &weight)| Some(Vote { weight, probabilities: probabilities? }));
-        let probabilities = pooled(votes);
+        let probabilities = pool::doubted(pooled(votes), self.doubt);
         if probabilities.is_empty() { vec![1.0 / n_places as f32; n_places] } else { probabilities }
     }
+}
+
+/// The share of the frames that the best opinion is right on; none of no frame.
+fn most_right(judged: &[Judged]) -> f64 {
+    let n_opinions = judged.first().map_or(0, |judged| judged.by_opinion.len());
+    let n_right = |opinion_idx: usize| {
+        let is_right = |judged: &&Judged| {
+            judged.by_opinion[opinion_idx].as_ref().is_some_and(|p| most_probable(p) == judged.label)
+        };
+        judged.iter().filter(is_right).count()
+    };
+    let most = (0..n_opinions).map(n_right).max().unwrap_or_default();
+    most as f64 / judged.len().max(1) as f64
 }
 
 fn values_of(decided: &[&Decided], opinion_idx: usize, n_values: usize) -> HeldOutValues {

@@ -62,6 +62,11 @@ pub(super) struct Look<'a> {
 }
 
 impl Lens {
+    /// Through the default network, at this size.
+    pub(super) fn of_size(width: u32, height: u32, around: Around) -> Self {
+        Self { size: Some(Size { width, height }), around, ..Self::default() }
+    }
+
     /// Gives it the network of its name, which is tried once. The error says what to do.
     pub(super) fn link(&mut self, networks: &Networks) -> Result<(), String> {
         let name = &self.network;

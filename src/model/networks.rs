@@ -364,19 +364,17 @@ mod tests {
 
     #[test]
     fn a_list_of_networks_that_is_none_is_refused() {
-        let digest = Digest::of(TOML).to_string();
-        let with =
-            |key: &'static str, value: Value| move |networks: &mut Vec<Value>| networks[0][key] = value;
-        let changes: [(Box<dyn FnOnce(&mut Vec<Value>)>, &str); 9] = [
-            (Box::new(with("blake3", "../../../etc/passwd".into())), "no digest"),
-            (Box::new(with("blake3", digest.to_uppercase().into())), "no digest"),
-            (Box::new(with("toml_blake3", digest[1..].into())), "no digest"),
-            (Box::new(with("n_bytes", json!(MAX_NETWORK_BYTES + 1))), "limit"),
-            (Box::new(with("name", "a/b".into())), "no name"),
-            (Box::new(with("name", "other".into())), "different networks"),
-            (Box::new(Vec::clear), "different networks"),
-            (Box::new(|networks| networks.push(networks[0].clone())), "twice"),
-            (Box::new(|networks| *networks = vec![networks[0].clone(); MAX_NETWORKS + 1]), "limit"),
+        type Change = fn(&mut Vec<Value>);
+        let changes: [(Change, &str); 9] = [
+            (|networks| networks[0]["blake3"] = "../../../etc/passwd".into(), "no digest"),
+            (|networks| networks[0]["blake3"] = Digest::of(TOML).0.to_uppercase().into(), "no digest"),
+            (|networks| networks[0]["toml_blake3"] = Digest::of(TOML).0[1..].to_owned().into(), "no digest"),
+            (|networks| networks[0]["n_bytes"] = json!(MAX_NETWORK_BYTES + 1), "limit"),
+            (|networks| networks[0]["name"] = "a/b".into(), "no name"),
+            (|networks| networks[0]["name"] = "other".into(), "different networks"),
+            (Vec::clear, "different networks"),
+            (|networks| networks.push(networks[0].clone()), "twice"),
+            (|networks| *networks = vec![networks[0].clone(); MAX_NETWORKS + 1], "limit"),
         ];
         for (change, reason) in changes {
             let (_place, folder) = saved();

@@ -24,16 +24,13 @@ use super::lens::Lens;
 use super::pool::Vote;
 use super::sight::{Seen, Sight};
 use super::{AddError, Features, TrainError};
+use crate::camera::CameraKind;
 use machines::Machines;
 use memory::Places;
 use patterns::Patterns;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use vector::Vector;
-
-/// The sum of the weights that are taken where nothing is known of how well opinions do: more than 1, since what
-/// several say independently is more certain than what one says.
-pub(super) const PRIOR_SUM: f64 = 1.0;
 
 /// A way to tell rooms apart, with its parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -125,6 +122,8 @@ pub(super) struct Left<'a> {
 /// What the arrays of an opinion must agree with.
 #[derive(Clone, Copy)]
 pub(super) struct Shape {
+    /// The kind of camera whose frames it answers.
+    pub(super) camera: CameraKind,
     pub(super) n_places: usize,
     /// Of what it looks at; see [`Sight`].
     pub(super) n_dimensions: usize,

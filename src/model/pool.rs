@@ -3,7 +3,7 @@
 
 /// How far a fitted weight typically lies from what is taken for it where nothing is known. With a few held-out frames
 /// weights stay near the prior ones; hundreds outvote them.
-const PRIOR_SPREAD: f64 = 0.25;
+const PRIOR_SPREAD: f64 = 0.3;
 
 /// Above this no weight is fitted.
 const MAX_WEIGHT: f64 = 10.0;
@@ -48,6 +48,39 @@ pub(super) fn softmax(values: &[f64]) -> Vec<f64> {
     let powers: Vec<f64> = values.iter().map(|value| (value - largest).exp()).collect();
     let sum: f64 = powers.iter().sum();
     powers.into_iter().map(|power| power / sum).collect()
+}
+
+/// The same probabilities where one in so many frames shows what was never seen, of which each room is as probable.
+pub(super) fn doubted(mut probabilities: Vec<f32>, doubt: f64) -> Vec<f32> {
+    if doubt > 0.0 {
+        let share = doubt / probabilities.len().max(1) as f64;
+        probabilities.iter_mut().for_each(|p| *p = ((1.0 - doubt) * f64::from(*p) + share) as f32);
+    }
+    probabilities
+}
+
+/// The share of frames that show what was never seen: that under which the rooms that frames show are most probable, by
+/// expectation maximization, as if two more frames had been seen, one of each kind. Without it opinions that are sure
+/// of every frame would stay so, however often they are wrong.
+pub(super) fn fit_doubt(frames: &[Judged], weights: &[f64], n_places: usize) -> f64 {
+    if frames.is_empty() {
+        return 0.0;
+    }
+    let of_label = |frame: &Judged| {
+        let votes = frame.by_opinion.iter().zip(weights);
+        let votes = votes.filter_map(|(probabilities, &weight)| {
+            Some(Vote { weight, probabilities: probabilities.clone()? })
+        });
+        pooled(votes).get(frame.label).map_or(1.0 / n_places as f64, |&p| f64::from(p))
+    };
+    let of_labels: Vec<f64> = frames.iter().map(of_label).collect();
+    let mut doubt = 0.5;
+    for _ in 0..MAX_STEPS {
+        let unseen = doubt / n_places as f64;
+        let n_unseen: f64 = of_labels.iter().map(|p| unseen / (unseen + (1.0 - doubt) * p)).sum();
+        doubt = (n_unseen + 1.0) / (frames.len() as f64 + 2.0);
+    }
+    doubt
 }
 
 /// A held-out frame, as opinions see it.
@@ -234,6 +267,18 @@ mod tests {
     fn who_is_right_counts_and_who_guesses_does_not() {
         let weights = fit_weights(&frames(400), &[0.4, 0.4, 0.4]);
         assert!(weights[0] > 0.8 && weights[1] < 0.15 && weights[2] > 0.8, "{weights:?}");
+    }
+
+    #[test]
+    fn who_is_often_wrong_is_doubted() {
+        let sure = |label| Judged { label, by_opinion: vec![Some(vec![0.998, 0.001, 0.001])] };
+        let frames: Vec<Judged> = (0..300).map(|idx| sure(idx % 3)).collect();
+        let doubt = fit_doubt(&frames, &[1.0], 3);
+        let doubted = doubted(vec![0.998, 0.001, 0.001], doubt);
+        assert!((doubted[0] - 1.0 / 3.0).abs() < 0.05 && (doubted.iter().sum::<f32>() - 1.0).abs() < 1e-6);
+        let right: Vec<Judged> = (0..300).map(|_| sure(0)).collect();
+        assert!(fit_doubt(&right, &[1.0], 3) < 0.01);
+        assert_eq!(fit_doubt(&[], &[1.0], 3), 0.0);
     }
 
     #[test]

@@ -1,11 +1,12 @@
 //! What opinions see of a frame.
 
 use super::lens::Lens;
-use crate::camera::CameraKind;
+use crate::camera::{CameraKind, Spot};
 use crate::describe::{Descriptor, FrameLbp, SiftDescriptor};
 use crate::detect::{Detector, Keypoint};
 use crate::matrix::Matrix;
 use crate::network::XFeat;
+use crate::vocabulary::Described;
 use serde::Serialize;
 
 /// The most memory that the scale space of one frame may take.
@@ -58,6 +59,8 @@ pub struct LocalFeatures {
     pub keypoints: Vec<Keypoint>,
     /// One row a keypoint, of unit length or zero.
     pub descriptors: Matrix,
+    /// Where the keypoints lie in what the camera sees.
+    pub spots: Vec<Spot>,
 }
 
 impl Sight {
@@ -86,6 +89,12 @@ impl Sight {
             Self::Keypoints { detector, descriptor } => {
                 detector.check()?;
                 descriptor.check()?;
+                if detector.repeats_points() && !descriptor.is_scaled() {
+                    return Err("a grid of several scales needs a descriptor that grows with them: set \
+                                descriptor.region.scaled to true, or give detector.scales one number"
+                        .to_owned());
+                }
+                let longest_side = detector.longest_side().unwrap_or(longest_side);
                 check_scale_space((detector, descriptor), longest_side)
             }
             Self::Patterns(histograms) => histograms.check(),
@@ -149,7 +158,12 @@ impl Sight {
 impl LocalFeatures {
     /// None at all, of so many numbers each.
     pub(super) fn nothing(n_dimensions: usize) -> Self {
-        Self { keypoints: Vec::new(), descriptors: Matrix::new(n_dimensions) }
+        Self { keypoints: Vec::new(), descriptors: Matrix::new(n_dimensions), spots: Vec::new() }
+    }
+
+    /// What a vocabulary sees.
+    pub fn described(&self) -> Described<'_> {
+        Described { descriptors: &self.descriptors, spots: &self.spots }
     }
 }
 

@@ -209,9 +209,7 @@ fn without_a_probability_that_is_right_often_enough_nothing_is_known() {
     }
 }
 
-#[test]
-fn evidence_sums_to_the_decision_value() {
-    let model = trained(&config()).model;
+fn assert_evidence_sums_to_the_decision_value(model: &Model) {
     let mut random = ChaCha8Rng::seed_from_u64(5);
     let features = model.features(&frame(2, &mut random), &mut Scratch::default());
     let evidence = model.explain(&features, 1);
@@ -222,6 +220,7 @@ fn evidence_sums_to_the_decision_value() {
     let nothing = Seen::Local(LocalFeatures {
         keypoints: vec![crate::detect::Keypoint::new(0.0, 0.0, 1.0)],
         descriptors: crate::matrix::Matrix::zeros(1, 72),
+        spots: vec![crate::camera::Spot { across: Some(0.0), down: 0.0 }],
     });
     let sum: f32 = evidence.iter().map(|evidence| evidence.weight).sum();
     let values = bag.decision_values(&features).unwrap();
@@ -229,6 +228,80 @@ fn evidence_sums_to_the_decision_value() {
     let of_word = bag.decision_values(&nothing).unwrap()[1];
     let weight = model.explain(&nothing, 1)[0].weight;
     assert!((sum - (weight - of_word) - values[1]).abs() < 1e-3);
+}
+
+#[test]
+fn evidence_sums_to_the_decision_value() {
+    assert_evidence_sums_to_the_decision_value(&trained(&config()).model);
+}
+
+/// A grid of points at two scales, counted by their parts of the frame.
+fn dense(bag: vocabulary::Config) -> Config {
+    use crate::describe::{CsLbp, Descriptor, Region};
+    use crate::detect::{Dense, Detector};
+    let region = Region { side: 12, scaled: true, ..Region::default() };
+    let grid = Dense { longest_side: 64, scales: vec![1.0, 1.5], margin: 6.0, ..Dense::default() };
+    Config::default().with_bag(|machines| {
+        machines.detector = Detector::Dense(grid);
+        machines.descriptor = Descriptor::CsLbp(CsLbp { region, ..CsLbp::default() });
+        machines.representation = Representation::Bag(bag);
+    })
+}
+
+#[test]
+fn what_is_counted_by_parts_of_a_grid_recognizes_explains_and_comes_back_the_same() {
+    use crate::vocabulary::{Encoding, Pooling};
+    let counts = vocabulary::Config {
+        n_words: 20,
+        pooling: Pooling::Pyramid { levels: 2 },
+        ..vocabulary::Config::default()
+    };
+    let vlad = vocabulary::Config { n_words: 4, encoding: Encoding::Vlad, ..counts.clone() };
+    for bag in [counts, vlad] {
+        let config = dense(bag);
+        assert_eq!(config.check(), Ok(()));
+        let mirror = Mirror { center_x: 0.5, center_y: 0.375, inner_radius: 0.02, outer_radius: 0.37 };
+        for projection in
+            [Projection::Perspective, Projection::Equirectangular, Projection::Omnidirectional(mirror)]
+        {
+            let camera = Camera::new(projection);
+            let extractor = Extractor::new(&config, camera.clone());
+            let mut random = ChaCha8Rng::seed_from_u64(2);
+            let mut describe = |idx: usize| Sample {
+                place: ["stripes", "bars", "dots"][idx % 3].to_owned(),
+                sequence: format!("drive {}", idx % 4),
+                name: String::new(),
+                features: extractor.extract(&frame(idx % 3, &mut random), &mut Scratch::default()),
+            };
+            let samples: Vec<Sample> = (0..36).map(&mut describe).collect();
+            let model = train(&samples, &config, camera).unwrap().model;
+            let back = Model::from_bytes(&model.to_bytes().unwrap()).unwrap();
+            for sample in (0..12).map(&mut describe) {
+                let answer = model.classify(&sample.features);
+                // Round the middle of a mirror stripes and bars are the same, turned.
+                if !matches!(projection, Projection::Omnidirectional(_)) {
+                    assert_eq!(model.places()[answer.place_idx], sample.place, "{projection:?}");
+                }
+                assert_eq!(back.classify(&sample.features), answer);
+            }
+            if projection == Projection::Perspective {
+                assert_evidence_sums_to_the_decision_value(&model);
+            }
+        }
+    }
+}
+
+#[test]
+fn points_that_are_repeated_at_several_scales_need_descriptors_that_grow() {
+    let config = dense(vocabulary::Config::default());
+    let fixed = config.with_bag(|machines| machines.descriptor = crate::describe::Descriptor::default());
+    assert!(fixed.check().unwrap_err().contains("descriptor.region.scaled"));
+    let points = |longest_side| {
+        let grid = crate::detect::Dense { longest_side, ..crate::detect::Dense::default() };
+        config.with_bag(|machines| machines.detector = crate::detect::Detector::Dense(grid)).check()
+    };
+    assert_eq!(points(256), Ok(()));
+    assert!(points(8192).unwrap_err().contains("raise the step"));
 }
 
 #[test]

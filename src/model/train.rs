@@ -62,6 +62,14 @@ pub enum TrainError {
     /// A parameter makes no sense.
     #[error("the configuration is wrong: {0}")]
     Config(String),
+    /// What one of several opinions cannot learn.
+    #[error("of the opinion {name}: {error}")]
+    Opinion {
+        /// Its name.
+        name: String,
+        /// Why not.
+        error: Box<Self>,
+    },
     /// Samples of an extractor of another configuration.
     #[error("the frames were described for another configuration: describe them for this one")]
     OtherSights,
@@ -80,6 +88,13 @@ pub enum TrainError {
     /// No ensembles.
     #[error(transparent)]
     Boost(#[from] BoostError),
+}
+
+impl TrainError {
+    /// The same of an opinion.
+    fn of(self, name: &str) -> Self {
+        Self::Opinion { name: name.to_owned(), error: Box::new(self) }
+    }
 }
 
 impl Model {
@@ -114,6 +129,7 @@ pub struct Trials<'a> {
 
 /// An opinion, what it sees of all samples, and what its trainings have in common.
 struct Tried<'a> {
+    name: &'a str,
     config: &'a OpinionConfig,
     seen: Vec<&'a Seen>,
     learner: Learner<'a>,
@@ -145,14 +161,14 @@ impl<'a> Trials<'a> {
         }
         let labels: Vec<usize> =
             samples.iter().map(|sample| places.binary_search(&sample.place).unwrap_or_default()).collect();
-        let tried = |opinion: &'a OpinionConfig| {
+        let tried = |(name, opinion): (&'a String, &'a OpinionConfig)| {
             let sight = opinion.sight();
             let seen = samples.iter().map(|sample| sample.features.of(&sight));
             let seen: Vec<&Seen> = seen.collect::<Option<_>>().ok_or(TrainError::OtherSights)?;
-            let learner = opinion.learner(&seen, config.seed)?;
-            Ok(Tried { config: opinion, seen, learner, trained: None })
+            let learner = opinion.learner(&seen, config.seed).map_err(|error| error.of(name))?;
+            Ok(Tried { name, config: opinion, seen, learner, trained: None })
         };
-        let opinions = config.opinions.values().map(tried).collect::<Result<_, TrainError>>()?;
+        let opinions = config.opinions.iter().map(tried).collect::<Result<_, TrainError>>()?;
         let mut trials =
             Self { samples, places, labels, folds: Vec::new(), config, opinions, decisions: Vec::new() };
         trials.folds = trials.deal();
@@ -247,7 +263,12 @@ impl<'a> Trials<'a> {
             config: config.clone(),
             transitions: Transitions::unlearned(self.places.len()),
             extractor: Extractor::new(config, camera),
-            classification: Classification { n_places: self.places.len(), opinions, known_probability },
+            classification: Classification {
+                n_places: self.places.len(),
+                opinions,
+                doubt: fusion.doubt,
+                known_probability,
+            },
             learned: LearnedFrames::new(self.samples, &self.labels),
             held_out: HeldOutFrames::new(decided.into_iter().cloned().collect()).thinned(),
             places: self.places.clone(),
@@ -324,7 +345,8 @@ impl Tried<'_> {
         let dense: Vec<usize> =
             labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
         let chosen = Chosen { frame_idxs: sample_idxs, labels: &dense, n_classes: present.len() };
-        Ok(Fitted { trained: self.learner.train(&self.seen, &chosen)?, present })
+        let trained = self.learner.train(&self.seen, &chosen).map_err(|error| error.of(self.name))?;
+        Ok(Fitted { trained, present })
     }
 }
 

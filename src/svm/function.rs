@@ -2,6 +2,7 @@
 
 use super::{SvmError, check_positive, to_f32};
 use crate::matrix::Matrix;
+use crate::simd;
 use serde::{Deserialize, Serialize};
 
 /// Rows that gamma is estimated from for [`KernelFunction::ChiSquared`], evenly spaced.
@@ -134,7 +135,9 @@ impl KernelFunction {
 
 /// The product of two rows.
 pub(super) fn dot(left: &[f32], right: &[f32]) -> f64 {
-    sum(left, right, |x, z| x * z)
+    let mut product = 0.0;
+    simd::dot(left, right, &mut product);
+    product
 }
 
 fn chi_squared(left: &[f32], right: &[f32]) -> f64 {

@@ -1,7 +1,7 @@
 //! What each opinion of a configuration brings: each alone, each pair, and all together.
 
 use crate::camera::Camera;
-use crate::model::{Candidate, Choice, Config, Model, Sample, TrainError, Trials, choose};
+use crate::model::{Candidate, Choice, Config, Model, Sample, TrainError, Trials, train_preferred};
 
 /// Opinions that answer together.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,22 +73,28 @@ impl Method {
         samples: &[&Sample],
         (config, camera): (&Config, &Camera),
     ) -> Result<Vec<Trained>, TrainError> {
-        let mut trials = Trials::run(samples, config, |_| ())?;
         // With the seed of the round.
         let seeded = |part: &Config| Config { seed: config.seed, ..part.clone() };
-        let mut finish =
-            |part: &Config| trials.finish(&seeded(part), camera.clone()).map(|training| training.model);
         match self {
-            Self::Every(teams) => teams
-                .iter()
-                .enumerate()
-                .map(|(team_idx, team)| Ok(Trained { team_idx, model: finish(&team.config)?, choice: None }))
-                .collect(),
+            Self::Every(teams) => {
+                let mut trials = Trials::run(samples, config, |_| ())?;
+                let mut finish = |part: &Config| {
+                    trials.finish(&seeded(part), camera.clone()).map(|training| training.model)
+                };
+                let trained = teams.iter().enumerate().map(|(team_idx, team)| {
+                    Ok(Trained { team_idx, model: finish(&team.config)?, choice: None })
+                });
+                trained.collect()
+            }
             Self::Preferred(candidates) => {
-                let choice = choose(&trials, candidates)?;
-                let config = seeded(&candidates[choice.chosen].config);
-                let model = trials.finish(&config, camera.clone())?.model;
-                Ok(vec![Trained { team_idx: 0, model, choice: Some(choice) }])
+                let seeded = |candidate: &Candidate| Candidate {
+                    config: seeded(&candidate.config),
+                    ..candidate.clone()
+                };
+                let candidates: Vec<Candidate> = candidates.iter().map(seeded).collect();
+                let preferred = train_preferred(samples, &candidates, camera, |_| ())?;
+                let (model, choice) = (preferred.training.model, Some(preferred.choice));
+                Ok(vec![Trained { team_idx: 0, model, choice }])
             }
         }
     }

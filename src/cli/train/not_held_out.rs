@@ -59,7 +59,8 @@ mod tests {
 
     fn sample(place: &str, n_keypoints: usize) -> Sample {
         let keypoints = vec![Keypoint::new(0.0, 0.0, 1.0); n_keypoints];
-        let seen = Seen::Local(LocalFeatures { keypoints, descriptors: Matrix::zeros(n_keypoints, 1) });
+        let descriptors = Matrix::zeros(n_keypoints, 1);
+        let seen = Seen::Local(LocalFeatures { keypoints, descriptors, spots: Vec::new() });
         let features = Features { sights: Arc::default(), seen: vec![seen], scale: 1.0 };
         Sample { place: place.to_owned(), sequence: String::new(), name: String::new(), features }
     }

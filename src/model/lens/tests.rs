@@ -1,9 +1,10 @@
 use super::*;
 use crate::camera::{Camera, Projection};
-use crate::model::{
-    Extractor, Features, Model, OpinionConfig, Sample, Scratch, Training, VectorConfig, sight::Sight,
-};
 use crate::model::{Config, sight::Seen};
+use crate::model::{
+    Extractor, Features, Forgotten, Model, OpinionConfig, Sample, Scratch, Training, VectorConfig,
+    sight::Sight,
+};
 use crate::network::testing::{convolution, described, runtime};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -103,6 +104,9 @@ fn it_learns_more_rooms_and_forgets_them() {
     for (room, name) in ROOMS.iter().enumerate() {
         assert_eq!(&answer(&larger, room, 9).0, name);
     }
+    let smaller = larger.without(Forgotten::Place("green")).unwrap();
+    assert_eq!(smaller.places(), ["blue", "red"]);
+    assert_eq!([0, 2].map(|room| answer(&smaller, room, 9).0), ["red", "blue"]);
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::super::arrays::{Array, Arrays, require};
 use super::super::calibration::Way;
 use super::super::format::FormatError;
 use super::super::lens::Lens;
-use super::super::sight::{Seen, Sight};
+use super::super::sight::{LocalFeatures, Seen, Sight};
 use super::super::{AddError, TrainError};
 use super::kept::KeptRows;
 use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Shape, Size};
@@ -16,7 +16,7 @@ use crate::matrix::Matrix;
 use crate::svm::{
     self, DualSvm, IncrementalSvm, KernelFunction, KernelSvm, LinearSvm, MatchSvm, Scheme, SvmError,
 };
-use crate::vocabulary::{self, Vocabulary};
+use crate::vocabulary::{self, Described, Vocabulary};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -108,7 +108,7 @@ impl MachinesConfig {
             Representation::Bag(_) if sees_descriptors => {
                 Err("match_svm compares descriptors: set representation.kind to descriptors".to_owned())
             }
-            Representation::Bag(vocabulary) => vocabulary.check(),
+            Representation::Bag(vocabulary) => vocabulary.check(self.descriptor.n_dimensions()),
             Representation::Descriptors {} if sees_descriptors => Ok(()),
             Representation::Descriptors {} => {
                 Err("only match_svm sees descriptors: set representation.kind to bag".to_owned())
@@ -159,7 +159,9 @@ impl Recognizer for Machines {
     fn prepare(config: &MachinesConfig, frames: &[&Seen], seed: u64) -> Result<Prepared, TrainError> {
         let gram = match &config.classifier {
             Classifier::MatchSvm(config) => {
-                Some(MatchSvm::gram(&descriptors_of(frames.iter().copied()), config)?)
+                let local = local_of(frames.iter().copied());
+                let descriptors: Vec<&Matrix> = local.iter().map(|local| &local.descriptors).collect();
+                Some(MatchSvm::gram(&descriptors, config)?)
             }
             _ => None,
         };
@@ -172,7 +174,8 @@ impl Recognizer for Machines {
         frames: &[&Seen],
         chosen: &Chosen,
     ) -> Result<Self, TrainError> {
-        let descriptors = descriptors_of(chosen.frame_idxs.iter().map(|&idx| frames[idx]));
+        let local = local_of(chosen.frame_idxs.iter().map(|&idx| frames[idx]));
+        let descriptors: Vec<&Matrix> = local.iter().map(|local| &local.descriptors).collect();
         let (labels, n_classes) = (chosen.labels, chosen.n_classes);
         let with = |kind, kept| Ok(Self { config: config.clone(), kind, kept });
         let Representation::Bag(bag) = &config.representation else {
@@ -183,8 +186,9 @@ impl Recognizer for Machines {
             let svm = MatchSvm::train_over((&descriptors, &gram), labels, n_classes, config)?;
             return with(Kind::Match(svm), KeptRows::default());
         };
-        let vocabulary = Vocabulary::train(&descriptors, bag, prepared.seed)?;
-        let rows = bags(&vocabulary, &descriptors);
+        let frames: Vec<Described> = local.iter().map(|local| local.described()).collect();
+        let vocabulary = Vocabulary::train(&frames, bag, prepared.seed)?;
+        let rows = bags(&vocabulary, &local);
         match &config.classifier {
             Classifier::LinearSvm(config) => {
                 let svm = LinearSvm::train(&rows, labels, n_classes, config)?;
@@ -204,12 +208,12 @@ impl Recognizer for Machines {
     }
 
     fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>> {
-        let descriptors = seen.descriptors()?;
+        let local = seen.local().filter(|local| !local.keypoints.is_empty())?;
         Some(match &self.kind {
-            Kind::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.bag_of(descriptors)),
-            Kind::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.bag_of(descriptors)),
-            Kind::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.bag_of(descriptors)),
-            Kind::Match(svm) => svm.decision_values(descriptors),
+            Kind::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.row(local.described())),
+            Kind::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.row(local.described())),
+            Kind::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.row(local.described())),
+            Kind::Match(svm) => svm.decision_values(&local.descriptors),
         })
     }
 
@@ -225,7 +229,7 @@ impl Recognizer for Machines {
 
     fn add(&self, added: &Added) -> Result<Self, AddError> {
         self.check_addition()?;
-        let bags = |vocabulary| bags(vocabulary, &descriptors_of(added.frames.iter().copied()));
+        let bags = |vocabulary| bags(vocabulary, &local_of(added.frames.iter().copied()));
         match (&self.kind, &self.config.classifier) {
             (Kind::Linear(vocabulary, _), Classifier::LinearSvm(config)) => {
                 let kept = self.kept.with(&bags(vocabulary), added).ok_or(AddError::NothingKept)?;
@@ -265,12 +269,12 @@ impl Recognizer for Machines {
             return Vec::new();
         };
         let words = vocabulary.quantize(&local.descriptors);
-        let word_weights = word_weights((vocabulary, svm), &words, place_idx);
-        let clues = words.iter().zip(&local.keypoints).map(|(&word, keypoint)| Clue {
+        let weights = keypoint_weights((vocabulary, svm), (local, &words), place_idx);
+        let clues = words.iter().zip(&local.keypoints).zip(weights).map(|((&word, keypoint), weight)| Clue {
             x: keypoint.x,
             y: keypoint.y,
             likeness: Likeness::Word(word as usize),
-            weight: word_weights[word as usize],
+            weight,
         });
         clues.collect()
     }
@@ -386,17 +390,17 @@ impl Kind {
         require(centers.n_cols() == n_dimensions, "its words fit no descriptor")?;
         require(centers.n_rows() == bag.n_words, "its vocabulary has another number of words than it says")?;
         require(are_units(&centers), "a word is no mean of descriptors")?;
-        let vocabulary = Vocabulary::new(centers, bag.normalization);
+        let vocabulary = Vocabulary::new(centers, bag, shape.camera.sees_all_around());
+        let n_columns = vocabulary.n_columns();
         let kind = match &config.classifier {
             Classifier::LinearSvm(config) => {
-                let svm =
-                    LinearArrays { scheme: config.scheme, n_features: bag.n_words }.read(shape, file)?;
-                let kept = KeptRows::from_arrays(bag.n_words, shape, file)?;
+                let svm = LinearArrays { scheme: config.scheme, n_features: n_columns }.read(shape, file)?;
+                let kept = KeptRows::from_arrays(n_columns, shape, file)?;
                 return Ok((Self::Linear(vocabulary, svm), kept));
             }
             Classifier::KernelSvm(config) => {
                 let support_vectors = file.matrix("kernel.support_vectors")?;
-                require(support_vectors.n_cols() == bag.n_words, "its machines fit no vocabulary")?;
+                require(support_vectors.n_cols() == n_columns, "its machines fit no vocabulary")?;
                 let kernel = with_parameters(config.kernel, &file.doubles("kernel.parameters")?)?;
                 let machines = read_dual(config.machines.scheme, n_places, file)?;
                 let labels = file.counts_if_any("kernel.labels")?;
@@ -409,7 +413,7 @@ impl Kind {
             Classifier::Boost(_) => {
                 let ensembles = read_ensembles(file)?;
                 require(ensembles.len() == n_places, "it has another number of ensembles than of rooms")?;
-                let boost = Boost::from_parts(bag.n_words, ensembles);
+                let boost = Boost::from_parts(n_columns, ensembles);
                 boost.map(|boost| Self::Boost(vocabulary, boost)).map_err(|error| damaged(&error))?
             }
             Classifier::MatchSvm(_) => return Err(damaged(&mismatch())),
@@ -418,9 +422,9 @@ impl Kind {
     }
 }
 
-/// The descriptors of each frame; an empty set where nothing local is seen.
-fn descriptors_of<'a>(frames: impl Iterator<Item = &'a Seen>) -> Vec<&'a Matrix> {
-    frames.filter_map(Seen::local).map(|local| &local.descriptors).collect()
+/// The local features of each frame.
+fn local_of<'a>(frames: impl Iterator<Item = &'a Seen>) -> Vec<&'a LocalFeatures> {
+    frames.filter_map(Seen::local).collect()
 }
 
 /// A class that is left without any frame is a room whose support vectors were all dropped.
@@ -431,17 +435,28 @@ fn forgotten(error: SvmError) -> AddError {
     }
 }
 
-/// How much one keypoint of each word adds to the decision value of a room, in a frame of these words.
-fn word_weights((vocabulary, svm): (&Vocabulary, &LinearSvm), words: &[u32], place_idx: usize) -> Vec<f32> {
-    let bag = vocabulary.bag(words);
-    let mut counts = vec![0.0; bag.len()];
-    words.iter().for_each(|&word| counts[word as usize] += 1.0);
-    let weight = |word_idx: usize| {
-        let signed = signed_machines(svm, place_idx);
-        let sum: f32 = signed.map(|(machine, sign)| sign * svm.weights().row(machine)[word_idx]).sum();
-        sum * bag[word_idx] / f32::max(counts[word_idx], 1.0)
+/// How much each keypoint of a frame with these words adds to the decision value of a room: an equal share of what
+/// each block of the frame's row adds that it counts in.
+fn keypoint_weights(
+    (vocabulary, svm): (&Vocabulary, &LinearSvm),
+    (frame, words): (&LocalFeatures, &[u32]),
+    place_idx: usize,
+) -> Vec<f32> {
+    let row = vocabulary.row_of_words(frame.described(), words);
+    let width = vocabulary.block_width();
+    let blocks = || words.iter().zip(&frame.spots).map(|(&word, &spot)| vocabulary.blocks(word, spot));
+    let mut counts = vec![0.0; row.len() / width];
+    blocks().flatten().for_each(|block| counts[block] += 1.0);
+    let share = |block: usize| {
+        let added_by = |column: usize| {
+            let signed = signed_machines(svm, place_idx);
+            let sum: f32 = signed.map(|(machine, sign)| sign * svm.weights().row(machine)[column]).sum();
+            sum * row[column]
+        };
+        (block * width..(block + 1) * width).map(added_by).sum::<f32>() / f32::max(counts[block], 1.0)
     };
-    (0..bag.len()).map(weight).collect()
+    let shares: Vec<f32> = (0..counts.len()).map(share).collect();
+    blocks().map(|blocks| blocks.map(|block| shares[block]).sum()).collect()
 }
 
 /// The machines that speak of a room, and whether their positive side is it.
@@ -457,9 +472,9 @@ fn signed_machines(svm: &LinearSvm, place_idx: usize) -> impl Iterator<Item = (u
 }
 
 /// The bag of each frame: one row a frame.
-fn bags(vocabulary: &Vocabulary, frames: &[&Matrix]) -> Matrix {
-    let bags: Vec<Vec<f32>> = frames.par_iter().map(|descriptors| vocabulary.bag_of(descriptors)).collect();
-    let mut rows = Matrix::new(vocabulary.n_words());
+fn bags(vocabulary: &Vocabulary, frames: &[&LocalFeatures]) -> Matrix {
+    let bags: Vec<Vec<f32>> = frames.par_iter().map(|frame| vocabulary.row(frame.described())).collect();
+    let mut rows = Matrix::new(vocabulary.n_columns());
     bags.iter().for_each(|bag| rows.push_row(bag));
     rows
 }

@@ -95,7 +95,17 @@ impl MemoryConfig {
     }
 
     pub(super) fn way(&self) -> Way {
-        Way::Softmax { prior_slope: 60.0 }
+        Way::Softmax { prior_slope: 6.0 }
+    }
+
+    /// How many frames of each room make its decision values count half of what they count with very many: a memory tells
+    /// places that it has seen, and what a network sees of a place tells of others like it as well. Measured over
+    /// sets of real frames.
+    fn n_frames_to_count_half(&self) -> f32 {
+        match self.features {
+            Remembered::Keypoints { .. } | Remembered::Xfeat { .. } => 25.0,
+            Remembered::Grid { .. } => 10.0,
+        }
     }
 
     pub(super) fn prior_weight(&self) -> f64 {
@@ -105,7 +115,27 @@ impl MemoryConfig {
 
 /// The memory; frames are numbered as the model has learned them.
 #[derive(Clone, Debug)]
-pub(in crate::model) struct Places(Memory);
+pub(in crate::model) struct Places {
+    config: MemoryConfig,
+    memory: Memory,
+}
+
+impl Places {
+    /// The logarithm of each room's score over the mean of all rooms', which does not depend on how near descriptors are
+    /// altogether; it counts less where a room has few frames.
+    fn decide(&self, scores: &[f32]) -> Vec<f32> {
+        let mean = scores.iter().sum::<f32>() / scores.len().max(1) as f32;
+        if mean <= 0.0 {
+            return vec![0.0; scores.len()];
+        }
+        let n_of_room = self.memory.origins().len() as f32 / scores.len() as f32;
+        let share = n_of_room / (n_of_room + self.config.n_frames_to_count_half());
+        scores.iter().map(|score| share * (score / mean + LEAST_SCORE).ln()).collect()
+    }
+}
+
+/// Added to scores before their logarithm is taken, in means of all rooms: a room without any is not impossible.
+const LEAST_SCORE: f32 = 1e-3;
 
 impl Recognizer for Places {
     type Config = MemoryConfig;
@@ -116,18 +146,18 @@ impl Recognizer for Places {
     }
 
     fn train(
-        _: &MemoryConfig,
+        config: &MemoryConfig,
         prepared: &memory::Prepared,
         _: &[&Seen],
         chosen: &Chosen,
     ) -> Result<Self, TrainError> {
         let origin = |(&frame_idx, &place_idx)| (frame_idx, Origin { place_idx, frame_idx });
         let origins: Vec<_> = chosen.frame_idxs.iter().zip(chosen.labels).map(origin).collect();
-        Ok(Self(prepared.memory(&origins, chosen.n_classes)))
+        Ok(Self { config: config.clone(), memory: prepared.memory(&origins, chosen.n_classes) })
     }
 
     fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>> {
-        Some(self.0.recall(seen.descriptors()?).place_scores)
+        Some(self.decide(&self.memory.recall(seen.descriptors()?).place_scores))
     }
 
     fn check_addition(&self) -> Result<(), AddError> {
@@ -135,7 +165,7 @@ impl Recognizer for Places {
     }
 
     fn add(&self, added: &Added) -> Result<Self, AddError> {
-        let mut memory = self.0.clone();
+        let mut memory = self.memory.clone();
         memory.renumber(added.n_places, |origin| Origin {
             place_idx: added.of_earlier[origin.place_idx],
             ..*origin
@@ -145,11 +175,11 @@ impl Recognizer for Places {
         let origins = origins.map(|(frame_idx, &place_idx)| Origin { place_idx, frame_idx });
         let frames: Vec<(&Matrix, Origin)> = descriptors_of(added.frames).into_iter().zip(origins).collect();
         memory.learn(&frames, LATER_SEED);
-        Ok(Self(memory))
+        Ok(Self { memory, config: self.config.clone() })
     }
 
     fn without(&self, left: &Left) -> Result<Self, AddError> {
-        let mut memory = self.0.clone();
+        let mut memory = self.memory.clone();
         memory.retain(|origin| left.is_left[origin.frame_idx]);
         let mut new_idx = 0;
         let new_idxs: Vec<usize> = left
@@ -164,14 +194,14 @@ impl Recognizer for Places {
             let frame_idx = new_idxs[origin.frame_idx];
             Origin { place_idx: left.labels[frame_idx], frame_idx }
         });
-        Ok(Self(memory))
+        Ok(Self { memory, config: self.config.clone() })
     }
 
     /// What each keypoint found nearest in the room.
     fn clues(&self, seen: &Seen, place_idx: usize) -> Vec<Clue> {
         let (Some(local), Some(descriptors)) = (seen.local(), seen.descriptors()) else { return Vec::new() };
-        let recall = self.0.recall(descriptors);
-        let origin = |matched: &memory::Match| self.0.origins()[matched.frame_idx];
+        let recall = self.memory.recall(descriptors);
+        let origin = |matched: &memory::Match| self.memory.origins()[matched.frame_idx];
         let mut of_place: Vec<&memory::Match> =
             recall.matches.iter().filter(|matched| origin(matched).place_idx == place_idx).collect();
         // The nearest of each keypoint comes first.
@@ -191,7 +221,7 @@ impl Recognizer for Places {
 
     fn to_arrays(&self) -> Vec<Array> {
         let Parts { components, offsets, scale, words, codes, list_lengths, frame_idxs, origins } =
-            self.0.to_parts();
+            self.memory.to_parts();
         let width = components.n_rows().max(1);
         let frame_idxs = frame_idxs.iter().map(|&idx| idx as usize).collect::<Vec<_>>();
         vec![
@@ -236,11 +266,12 @@ impl Recognizer for Places {
             origins: origins.map(|(place_idx, frame_idx)| Origin { place_idx, frame_idx }).collect(),
         };
         let memory = Memory::from_parts(parts, &config.memory, shape.n_places);
-        memory.map(Self).map_err(|error: MemoryError| FormatError::Damaged(error.to_string()))
+        let memory = memory.map_err(|error: MemoryError| FormatError::Damaged(error.to_string()))?;
+        Ok(Self { config: config.clone(), memory })
     }
 
     fn size(&self) -> Size {
-        Size { n_kept: self.0.n_descriptors(), ..Size::default() }
+        Size { n_kept: self.memory.n_descriptors(), ..Size::default() }
     }
 }
 

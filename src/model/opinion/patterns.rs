@@ -43,11 +43,11 @@ impl PatternsConfig {
     }
 
     pub(super) fn way(&self) -> Way {
-        Way::Sigmoids(self.machines().scheme)
+        Way::Softmax { prior_slope: 1.5 }
     }
 
     pub(super) fn prior_weight(&self) -> f64 {
-        0.5
+        1.0
     }
 }
 

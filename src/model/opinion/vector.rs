@@ -42,7 +42,7 @@ impl VectorConfig {
     }
 
     pub(super) fn way(&self) -> Way {
-        Way::Sigmoids(self.machines().scheme)
+        Way::Softmax { prior_slope: 3.0 }
     }
 
     pub(super) fn prior_weight(&self) -> f64 {
