@@ -152,21 +152,27 @@ fn repeated(plane: &Plane, across: usize, down: usize) -> Plane {
     Plane { width, height, samples: samples.collect() }
 }
 
-/// A row of twice as many numbers: three parts of the nearest, one of the next. `scale` is by how much the
-/// numbers are too large; the left and the right neighbor are rounded by `rounding`.
-fn widened(row: impl Fn(usize) -> u32, width: usize, scale: u32, rounding: [u32; 2], wide: &mut Vec<u8>) {
-    for x in 0..width {
-        let nearest = row(x);
-        let mixed = |other: u32, rounding: u32| ((3 * nearest + other + rounding) / scale) as u8;
-        wide.push(mixed(if x == 0 { nearest } else { row(x - 1) }, rounding[0]));
-        wide.push(mixed(if x + 1 == width { nearest } else { row(x + 1) }, rounding[1]));
+/// Fills a row twice as long as `row`: three parts of the nearest number, one of the next. The numbers are divided by
+/// 2 to the power of `shift`, those mixed with the left and the right neighbor rounded by `rounding`.
+fn widen(row: &[u16], shift: u32, rounding: [u16; 2], wide: &mut [u8]) {
+    let mixed =
+        |nearest: u16, other: u16, side: usize| ((3 * nearest + other + rounding[side]) >> shift) as u8;
+    if let ([first, ..], [.., last]) = (row, row) {
+        wide[0] = mixed(*first, *first, 0);
+        wide[2 * row.len() - 1] = mixed(*last, *last, 1);
+    }
+    for (pair, neighbors) in wide[1..].as_chunks_mut().0.iter_mut().zip(row.windows(2)) {
+        *pair = [mixed(neighbors[0], neighbors[1], 1), mixed(neighbors[1], neighbors[0], 0)];
     }
 }
 
 fn doubled_across(plane: &Plane) -> Plane {
-    let mut samples = Vec::with_capacity(2 * plane.samples.len());
-    for row in plane.samples.chunks_exact(plane.width) {
-        widened(|x| u32::from(row[x]), plane.width, 4, [1, 2], &mut samples);
+    let mut samples = vec![0; 2 * plane.samples.len()];
+    let mut numbers = vec![0; plane.width];
+    let rows = plane.samples.chunks_exact(plane.width);
+    for (row, wide) in rows.zip(samples.chunks_exact_mut(2 * plane.width)) {
+        numbers.iter_mut().zip(row).for_each(|(number, &sample)| *number = u16::from(sample));
+        widen(&numbers, 2, [1, 2], wide);
     }
     Plane { width: 2 * plane.width, height: plane.height, samples }
 }
@@ -193,10 +199,13 @@ fn doubled_down(plane: &Plane) -> Plane {
 }
 
 fn doubled(plane: &Plane) -> Plane {
-    let mut samples = Vec::with_capacity(4 * plane.samples.len());
-    for (nearest, other) in row_pairs(plane) {
-        let sum = |x: usize| 3 * u32::from(nearest[x]) + u32::from(other[x]);
-        widened(sum, plane.width, 16, [8, 7], &mut samples);
+    let mut samples = vec![0; 4 * plane.samples.len()];
+    let mut sums = vec![0; plane.width];
+    for ((nearest, other), wide) in row_pairs(plane).zip(samples.chunks_exact_mut(2 * plane.width)) {
+        for ((sum, &near), &far) in sums.iter_mut().zip(nearest).zip(other) {
+            *sum = 3 * u16::from(near) + u16::from(far);
+        }
+        widen(&sums, 4, [8, 7], wide);
     }
     Plane { width: 2 * plane.width, height: 2 * plane.height, samples }
 }
