@@ -68,7 +68,10 @@ impl Means {
     fn lens(&self) -> Lens {
         match self.camera {
             CameraKind::Perspective => Lens::of_size(384, 224, Around::Views { n: 8 }),
-            CameraKind::Equirectangular | CameraKind::Omnidirectional => Lens::default(),
+            // A strip shows each place once, in half the pixels of views.
+            CameraKind::Equirectangular | CameraKind::Omnidirectional => {
+                Lens::of_size(704, 256, Around::Strip { border: 32 })
+            }
         }
     }
 
@@ -76,16 +79,13 @@ impl Means {
         Named("vector", OpinionConfig::Vector(VectorConfig { lens: self.lens(), ..VectorConfig::default() }))
     }
 
-    /// Cells of a panorama are looked for on one strip: views would show most of them twice.
+    /// Finer cells where frames show a part of a room, coarser ones where they show all of it.
     fn grid(&self) -> Named {
-        let (lens, grid) = match self.camera {
-            CameraKind::Perspective => (self.lens(), "block10"),
-            CameraKind::Equirectangular | CameraKind::Omnidirectional => {
-                let around = Around::Strip { border: 32 };
-                (Lens::of_size(640, 256, around), "block14")
-            }
+        let grid = match self.camera {
+            CameraKind::Perspective => "block10",
+            CameraKind::Equirectangular | CameraKind::Omnidirectional => "block14",
         };
-        let features = Remembered::Grid { lens, grid: grid.to_owned() };
+        let features = Remembered::Grid { lens: self.lens(), grid: grid.to_owned() };
         Named("grid", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))
     }
 }

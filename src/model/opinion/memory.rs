@@ -10,7 +10,7 @@ use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Shape, Size};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
 use crate::matrix::Matrix;
-use crate::memory::{self, Memory, MemoryError, Origin, Parts};
+use crate::memory::{self, Memory, MemoryError, Origin, Parts, Recall};
 use serde::{Deserialize, Serialize};
 
 /// Seeds the words of a memory that has outgrown its first ones.
@@ -121,17 +121,26 @@ pub(in crate::model) struct Places {
 }
 
 impl Places {
-    /// The logarithm of each room's score over the mean of all rooms', which does not depend on how near descriptors are
-    /// altogether; it counts less where a room has few frames.
-    fn decide(&self, scores: &[f32]) -> Vec<f32> {
-        let mean = scores.iter().sum::<f32>() / scores.len().max(1) as f32;
-        if mean <= 0.0 {
-            return vec![0.0; scores.len()];
+    /// The logarithms of each room's score and of its best frame's votes over the means of all rooms', which do not depend
+    /// on how near descriptors are altogether; they count less where a room has few frames.
+    fn decide(&self, recall: &Recall) -> Vec<f32> {
+        let scores = &recall.place_scores;
+        let mut best_votes = vec![0.0_f32; scores.len()];
+        for frame in &recall.frames {
+            let best = &mut best_votes[self.memory.origins()[frame.frame_idx].place_idx];
+            *best = best.max(frame.votes);
         }
-        let n_of_room = self.memory.origins().len() as f32 / scores.len() as f32;
+        let n_of_room = self.memory.origins().len() as f32 / scores.len().max(1) as f32;
         let share = n_of_room / (n_of_room + self.config.n_frames_to_count_half());
-        scores.iter().map(|score| share * (score / mean + LEAST_SCORE).ln()).collect()
+        let parts = over_mean(scores).zip(over_mean(&best_votes));
+        parts.map(|(score, votes)| share * (score + votes) / 2.0).collect()
     }
+}
+
+/// The logarithm of each over the mean of all; 0 where all are 0.
+fn over_mean(scores: &[f32]) -> impl Iterator<Item = f32> {
+    let mean = scores.iter().sum::<f32>() / scores.len().max(1) as f32;
+    scores.iter().map(move |score| if mean > 0.0 { (score / mean + LEAST_SCORE).ln() } else { 0.0 })
 }
 
 /// Added to scores before their logarithm is taken, in means of all rooms: a room without any is not impossible.
@@ -157,7 +166,7 @@ impl Recognizer for Places {
     }
 
     fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>> {
-        Some(self.decide(&self.memory.recall(seen.descriptors()?).place_scores))
+        Some(self.decide(&self.memory.recall(seen.descriptors()?)))
     }
 
     fn check_addition(&self) -> Result<(), AddError> {

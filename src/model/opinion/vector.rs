@@ -20,7 +20,7 @@ pub struct VectorConfig {
 
 impl Default for VectorConfig {
     fn default() -> Self {
-        Self { lens: Lens::default(), c: 10.0 }
+        Self { lens: Lens::default(), c: 1.0 }
     }
 }
 
@@ -42,7 +42,7 @@ impl VectorConfig {
     }
 
     pub(super) fn way(&self) -> Way {
-        Way::Softmax { prior_slope: 3.0 }
+        Way::Softmax { prior_slope: 4.0 }
     }
 
     pub(super) fn prior_weight(&self) -> f64 {
