@@ -6,7 +6,7 @@ use crate::dataset::{self, Dataset, Described, Problem};
 use crate::image::{Image, Limits};
 use crate::model::{
     BAG, Candidate, CarriedNetwork, Config, DEFAULT_NETWORK, Effort, Extractor, LoadedModel, Means, Model,
-    Networks, PATTERNS, all_opinions,
+    Networks, PATTERNS,
 };
 use crate::network::Runtime;
 use anyhow::{Context, bail};
@@ -213,12 +213,8 @@ impl ConfigArgs {
         }
         let camera = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
         let mut candidates = Means { effort, camera, has_network }.candidates();
-        let mut config = all_opinions(&candidates).context("there is nothing to train")?;
-        self.link(&mut config)?;
         for candidate in &mut candidates {
-            let opinions = candidate.config.opinions.clone();
-            candidate.config =
-                self.with_wanted_opinions(config.with_opinions(|name| opinions.contains_key(name)));
+            candidate.config = self.with_wanted_opinions(candidate.config.clone());
         }
         candidates.retain(|candidate| !candidate.config.opinions.is_empty());
         candidates.dedup_by(|later, earlier| later.config == earlier.config);
