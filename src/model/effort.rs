@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 pub enum Effort {
     /// A few milliseconds, without a network.
     Fast,
-    /// Some ten milliseconds; several times as much of cameras that see all around.
+    /// Some tens of milliseconds.
     #[default]
     Balanced,
     /// What answers best.
@@ -41,14 +41,11 @@ impl Means {
     /// The candidates, in the order of preference.
     pub fn candidates(&self) -> Vec<Candidate> {
         let with_network = self.has_network && self.effort != Effort::Fast;
-        let mut places = vec![memory()];
-        let mut looks = vec![patterns()];
-        if self.effort != Effort::Fast {
-            looks.push(bag());
-        }
-        if self.effort == Effort::Best {
-            places.push(sift());
-        }
+        let (mut places, looks) = match self.effort {
+            Effort::Fast => (vec![memory()], vec![patterns()]),
+            Effort::Balanced => (vec![sift(300)], vec![patterns(), bag()]),
+            Effort::Best => (vec![memory(), sift(600)], vec![patterns(), bag()]),
+        };
         if !with_network {
             return vec![
                 candidate("places and patterns", [&places[..], &looks].concat()),
@@ -105,9 +102,9 @@ fn memory() -> Named {
     Named("memory", OpinionConfig::Memory(MemoryConfig::default()))
 }
 
-fn sift() -> Named {
+fn sift(target: usize) -> Named {
     let features = Remembered::Keypoints {
-        detector: Detector::Sift(Sift::default()),
+        detector: Detector::Sift(Sift { target, ..Sift::default() }),
         descriptor: Descriptor::Sift(SiftDescriptor::default()),
     };
     Named("sift", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))

@@ -121,8 +121,9 @@ pub(in crate::model) struct Places {
 }
 
 impl Places {
-    /// The logarithms of each room's score and of its best frame's votes over the means of all rooms', which do not depend
-    /// on how near descriptors are altogether; they count less where a room has few frames.
+    /// The logarithms of each room's score and, of keypoints, of its best frame's votes over the means of all rooms', which
+    /// do not depend on how near descriptors are altogether; they count less where a room has few frames. Cells of a
+    /// grid lie in other places of the next frame, so that no single frame has them all.
     fn decide(&self, recall: &Recall) -> Vec<f32> {
         let scores = &recall.place_scores;
         let mut best_votes = vec![0.0_f32; scores.len()];
@@ -132,6 +133,9 @@ impl Places {
         }
         let n_of_room = self.memory.origins().len() as f32 / scores.len().max(1) as f32;
         let share = n_of_room / (n_of_room + self.config.n_frames_to_count_half());
+        if let Remembered::Grid { .. } = self.config.features {
+            return over_mean(scores).map(|score| share * score).collect();
+        }
         let parts = over_mean(scores).zip(over_mean(&best_votes));
         parts.map(|(score, votes)| share * (score + votes) / 2.0).collect()
     }
