@@ -33,10 +33,9 @@ impl PrincipalComponents {
             }
         }
         for i in 0..width {
-            for j in i..width {
-                covariance[i][j] /= n_rows;
-                covariance[j][i] = covariance[i][j];
-            }
+            let (above, below) = covariance.split_at_mut(i + 1);
+            above[i][i..].iter_mut().for_each(|sum| *sum /= n_rows);
+            below.iter_mut().zip(&above[i][i + 1..]).for_each(|(row, value)| row[i] = *value);
         }
         let (variances, directions) = eigenvectors(covariance);
         Self { mean, directions, variances }

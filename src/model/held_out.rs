@@ -281,7 +281,7 @@ fn narrowed(way: Way, left: &[usize], values: &[f32]) -> Vec<f32> {
         }
         Way::Sigmoids(Scheme::OneVsOne) => {
             // n (n - 1) / 2 machines.
-            let n_classes = (1 + (1 + 8 * values.len()).isqrt()) / 2;
+            let n_classes = (1 + 8 * values.len()).isqrt().div_ceil(2);
             pairs(left.len()).map(|(a, b)| values[machine_of((left[a], left[b]), n_classes)]).collect()
         }
     }

@@ -205,7 +205,7 @@ impl Nearest {
     }
 
     /// Keeps the columns of a block whose distance may be small enough.
-    fn keep(&mut self, row_idx: usize, candidates: Candidates) {
+    fn keep(&mut self, row_idx: usize, candidates: &Candidates) {
         let keys = &mut self.keys[row_idx * self.n_kept..][..self.n_kept];
         let mut lanes = candidates.lanes;
         while lanes != 0 {
@@ -368,7 +368,7 @@ fn look_from<I: Instructions, const R: usize>(
             if lanes != 0 {
                 let values = I::into_array(values[r]);
                 let squared_length = lengths[r];
-                nearest.keep(row_idxs[r], Candidates { lanes, values, squared_length, block_idx });
+                nearest.keep(row_idxs[r], &Candidates { lanes, values, squared_length, block_idx });
                 limits[r] = limits[r].min(nearest.farthest(row_idxs[r]) - lengths[r]);
             }
         }
@@ -392,14 +392,11 @@ fn values_of_block<I: Instructions, const R: usize>(
     let n = columns.n_quads;
     let mut products = rows.starts;
     for (i, quads) in columns.blocks[block_idx * n..][..n].iter().enumerate() {
-        for r in 0..R {
-            products[r] = instructions.add(products[r], rows.quads[r][i], quads);
+        for (sums, row) in products.iter_mut().zip(&rows.quads) {
+            *sums = instructions.add(*sums, row[i], quads);
         }
     }
-    for r in 0..R {
-        products[r] = instructions.values(products[r], &columns.squared_lengths[block_idx]);
-    }
-    products
+    products.map(|sums| instructions.values(sums, &columns.squared_lengths[block_idx]))
 }
 
 /// Blocks whose smallest values are told apart for a bound: every second one.
