@@ -41,8 +41,11 @@ impl Means {
     /// The candidates, in the order of preference.
     pub fn candidates(&self) -> Vec<Candidate> {
         let with_network = self.has_network && self.effort != Effort::Fast;
+        let is_around = self.camera != CameraKind::Perspective;
         let (mut places, looks) = match self.effort {
             Effort::Fast => (vec![memory()], vec![patterns()]),
+            // Corners of all around are enough.
+            Effort::Balanced if is_around => (vec![memory()], vec![patterns(), bag()]),
             Effort::Balanced => (vec![sift(300)], vec![patterns(), bag()]),
             Effort::Best => (vec![memory(), sift(600)], vec![patterns(), bag()]),
         };
@@ -65,24 +68,25 @@ impl Means {
     fn lens(&self) -> Lens {
         match self.camera {
             CameraKind::Perspective => Lens::of_size(384, 224, Around::Views { n: 8 }),
-            // A strip shows each place once, in half the pixels of views.
-            CameraKind::Equirectangular | CameraKind::Omnidirectional => {
-                Lens::of_size(704, 256, Around::Strip { border: 32 })
-            }
+            CameraKind::Equirectangular | CameraKind::Omnidirectional => Lens::default(),
         }
     }
 
     fn vector(&self) -> Named {
-        Named("vector", OpinionConfig::Vector(VectorConfig { lens: self.lens(), ..VectorConfig::default() }))
+        // Of all around there are few frames, of which none may be passed over.
+        let c = if self.camera == CameraKind::Perspective { 1.0 } else { 10.0 };
+        Named("vector", OpinionConfig::Vector(VectorConfig { lens: self.lens(), c }))
     }
 
-    /// Finer cells where frames show a part of a room, coarser ones where they show all of it.
+    /// Cells of all around are looked for on one strip, since views would show most of them twice, and are coarser.
     fn grid(&self) -> Named {
-        let grid = match self.camera {
-            CameraKind::Perspective => "block10",
-            CameraKind::Equirectangular | CameraKind::Omnidirectional => "block14",
+        let (lens, grid) = match self.camera {
+            CameraKind::Perspective => (self.lens(), "block10"),
+            CameraKind::Equirectangular | CameraKind::Omnidirectional => {
+                (Lens::of_size(640, 256, Around::Strip { border: 32 }), "block14")
+            }
         };
-        let features = Remembered::Grid { lens: self.lens(), grid: grid.to_owned() };
+        let features = Remembered::Grid { lens, grid: grid.to_owned() };
         Named("grid", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))
     }
 }

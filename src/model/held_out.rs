@@ -64,7 +64,8 @@ impl Fusion {
         let judged: Vec<Judged> = decided.iter().map(|decided| judged(decided, &calibrations)).collect();
         let prior = config.prior_weights();
         let weights = if most_right(&judged) < TELLABLE { prior } else { pool::fit_weights(&judged, &prior) };
-        let doubt = pool::fit_doubt(&judged, &weights, n_places);
+        let doubt = rounded(pool::fit_doubt(&judged, &weights, n_places));
+        let weights = weights.into_iter().map(rounded).collect();
         Ok(Self { calibrations, weights, doubt })
     }
 
@@ -77,6 +78,11 @@ impl Fusion {
         let probabilities = pool::doubted(pooled(votes), self.doubt);
         if probabilities.is_empty() { vec![1.0 / n_places as f32; n_places] } else { probabilities }
     }
+}
+
+/// So short that it is read as it was written.
+fn rounded(value: f64) -> f64 {
+    (value * 1e6).round() / 1e6
 }
 
 /// The share of the frames that the best opinion is right on; none of no frame.

@@ -246,14 +246,19 @@ fn evaluate_follows_drives_with_the_filter() {
 #[test]
 fn validate_runs_each_protocol() {
     let data = LAB.data();
-    for (protocol, n_frames) in [("sequences", 36), ("random", 30)] {
-        let arguments = ["validate", "--json", &data, "--protocol", protocol, "--train-frames", "2"];
-        let report = json(&[&arguments[..], &["--seeds", "2"], &QUICK[..]].concat());
+    let two_frames = ["--train-frames", "2"];
+    for (protocol, n_frames, more) in [("sequences", 36, &[][..]), ("random", 30, &two_frames)] {
+        let arguments = ["validate", "--json", &data, "--protocol", protocol, "--seeds", "2"];
+        let report = json(&[&arguments[..], more, &QUICK[..]].concat());
         assert_eq!(report[0]["evaluations"].as_array().unwrap().len(), 2, "{report}");
         assert_eq!(report[0]["evaluations"][0]["overall"]["n_frames"], n_frames, "{report}");
     }
     let printed = done(&[&["validate", &data, "--protocol", "leave-one-out"], &QUICK[..]].concat());
     assert!(printed.contains("left-out frames"), "{printed}");
+    let drawn = [&["validate", &data, "--protocol", "sequences"][..], &two_frames].concat();
+    assert!(refused(FAILED, &drawn).contains("--protocol random"));
+    let each = done(&[&["validate", &data, "--each", "--set", "cue.kind=frame_lbp"], &QUICK[..]].concat());
+    assert!(each.contains("bag + patterns") && each.contains("model MB"), "{each}");
 }
 
 #[test]

@@ -42,7 +42,8 @@ impl VectorConfig {
     }
 
     pub(super) fn way(&self) -> Way {
-        Way::Softmax { prior_slope: 4.0 }
+        // Machines of a small cost of errors stay nearer to zero.
+        Way::Softmax { prior_slope: if self.c < 3.0 { 4.0 } else { 3.0 } }
     }
 
     pub(super) fn prior_weight(&self) -> f64 {
