@@ -47,7 +47,8 @@ impl Means {
             // Corners of all around are enough.
             Effort::Balanced if is_around => (vec![memory()], vec![patterns(), bag()]),
             Effort::Balanced => (vec![sift(300)], vec![patterns(), bag()]),
-            Effort::Best => (vec![memory(), sift(600)], vec![patterns(), bag()]),
+            Effort::Best if is_around => (vec![memory(), sift(600)], vec![patterns(), bag()]),
+            Effort::Best => (vec![sift(600)], vec![patterns(), bag()]),
         };
         if !with_network {
             return vec![
