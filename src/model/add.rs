@@ -374,7 +374,7 @@ mod tests {
     use super::*;
     use crate::boost;
     use crate::camera::{Camera, Projection};
-    use crate::model::{Classifier, Config, PatternsConfig, Scratch};
+    use crate::model::{Classifier, Config, MemoryConfig, OpinionConfig, PatternsConfig, Scratch};
     use crate::svm::KernelConfig;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
@@ -502,6 +502,32 @@ mod tests {
         assert_eq!(n_kept(&grown), 2 * 72, "a row a frame of both opinions");
         let back = Model::from_bytes(&grown.to_bytes().unwrap()).unwrap();
         assert_eq!(back.to_bytes().unwrap(), grown.to_bytes().unwrap());
+    }
+
+    #[test]
+    fn a_memory_learns_forgets_and_comes_back_from_its_file() {
+        let mut config = config();
+        config.opinions.clear();
+        config.opinions.insert("memory".to_owned(), OpinionConfig::Memory(MemoryConfig::default()));
+        let all = drives(&config, &["a", "b", "c"]);
+        let unseen = samples(&config, 60, 99);
+        let grown = add(&train(&all[..24], &config), &all[24..], 0.0).unwrap().model;
+        assert!(n_right(&grown, &unseen) > 55);
+        let back = Model::from_bytes(&grown.to_bytes().unwrap()).unwrap();
+        assert_eq!(back.to_bytes().unwrap(), grown.to_bytes().unwrap());
+        assert_eq!(n_right(&back, &unseen), n_right(&grown, &unseen));
+        let place_idx = index_of(back.places(), &unseen[0].place);
+        let evidence = back.explain(&unseen[0].features, place_idx);
+        let is_named = |frame: &Option<String>| frame.as_deref().is_some_and(|name| name.ends_with(".jpg"));
+        assert!(!evidence.is_empty() && evidence.iter().all(|evidence| is_named(&evidence.frame)));
+
+        let left = back.without(Forgotten::Drive("b")).unwrap();
+        assert!(left.classification.n_kept() < back.classification.n_kept());
+        assert!(n_right(&left, &unseen) > 50);
+        let without_dots = left.without(Forgotten::Place("dots")).unwrap();
+        assert_eq!(without_dots.places(), ["bars", "stripes"]);
+        let bytes = without_dots.to_bytes().unwrap();
+        assert_eq!(Model::from_bytes(&bytes).unwrap().to_bytes().unwrap(), bytes);
     }
 
     #[test]
