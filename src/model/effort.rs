@@ -69,7 +69,9 @@ impl Means {
     fn lens(&self) -> Lens {
         match self.camera {
             CameraKind::Perspective => Lens::of_size(384, 224, Around::Views { n: 8 }),
-            CameraKind::Equirectangular | CameraKind::Omnidirectional => Lens::default(),
+            CameraKind::Equirectangular => Lens::default(),
+            // A mirror shows less than views are made for: one strip does for the vector and the grid.
+            CameraKind::Omnidirectional => Lens::of_size(704, 256, Around::Strip { border: 32 }),
         }
     }
 
@@ -79,13 +81,12 @@ impl Means {
         Named("vector", OpinionConfig::Vector(VectorConfig { lens: self.lens(), c }))
     }
 
-    /// Cells of all around are looked for on one strip, since views would show most of them twice, and are coarser.
+    /// Cells of panoramas are looked for on one strip, since views would show most of them twice, and are coarser.
     fn grid(&self) -> Named {
         let (lens, grid) = match self.camera {
             CameraKind::Perspective => (self.lens(), "block10"),
-            CameraKind::Equirectangular | CameraKind::Omnidirectional => {
-                (Lens::of_size(640, 256, Around::Strip { border: 32 }), "block14")
-            }
+            CameraKind::Equirectangular => (Lens::of_size(640, 256, Around::Strip { border: 32 }), "block14"),
+            CameraKind::Omnidirectional => (self.lens(), "block14"),
         };
         let features = Remembered::Grid { lens, grid: grid.to_owned() };
         Named("grid", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))
