@@ -45,10 +45,10 @@ impl Means {
         let (mut places, looks) = match self.effort {
             Effort::Fast => (vec![memory()], vec![patterns()]),
             // Corners of all around are enough.
-            Effort::Balanced if is_around => (vec![memory()], vec![patterns(), bag()]),
-            Effort::Balanced => (vec![sift(300)], vec![patterns(), bag()]),
-            Effort::Best if is_around => (vec![memory(), sift(600)], vec![patterns(), bag()]),
-            Effort::Best => (vec![sift(600)], vec![patterns(), bag()]),
+            Effort::Balanced if is_around => (vec![memory()], vec![patterns(), bag(of_patterns())]),
+            Effort::Balanced => (vec![sift(300)], vec![patterns(), bag(of_gradients())]),
+            Effort::Best if is_around => (vec![memory(), sift(600)], vec![patterns(), bag(of_patterns())]),
+            Effort::Best => (vec![sift(600)], vec![patterns(), bag(of_gradients())]),
         };
         if !with_network {
             return vec![
@@ -56,8 +56,11 @@ impl Means {
                 candidate("patterns alone", looks),
             ];
         }
-        places.push(self.grid());
         places.push(self.vector());
+        // Of a frame of an ordinary lens, keypoints tell more places than the cells of a grid, and both no more than they.
+        if is_around {
+            places.push(self.grid());
+        }
         vec![
             candidate("places and a network", places.clone()),
             candidate("a network alone", vec![self.vector()]),
@@ -83,12 +86,11 @@ impl Means {
 
     /// Cells of panoramas are looked for on one strip, since views would show most of them twice, and are coarser.
     fn grid(&self) -> Named {
-        let (lens, grid) = match self.camera {
-            CameraKind::Perspective => (self.lens(), "block10"),
-            CameraKind::Equirectangular => (Lens::of_size(640, 256, Around::Strip { border: 32 }), "block14"),
-            CameraKind::Omnidirectional => (self.lens(), "block14"),
+        let lens = match self.camera {
+            CameraKind::Equirectangular => Lens::of_size(640, 256, Around::Strip { border: 32 }),
+            _ => self.lens(),
         };
-        let features = Remembered::Grid { lens, grid: grid.to_owned() };
+        let features = Remembered::Grid { lens, grid: "block14".to_owned() };
         Named("grid", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))
     }
 }
@@ -120,8 +122,19 @@ fn patterns() -> Named {
     Named(PATTERNS, OpinionConfig::Patterns(PatternsConfig::default()))
 }
 
+/// What the bag describes the points of its grid by, in a few milliseconds.
+fn of_patterns() -> Descriptor {
+    let region = Region { side: 16, scaled: true, ..Region::default() };
+    Descriptor::CsLbp(CsLbp { radius: 1.0, region, ..CsLbp::default() })
+}
+
+/// The same in some tens of milliseconds, which tells more rooms apart.
+fn of_gradients() -> Descriptor {
+    Descriptor::Sift(SiftDescriptor::default())
+}
+
 /// Words of a grid of points at several sizes, counted where they lie.
-fn bag() -> Named {
+fn bag(descriptor: Descriptor) -> Named {
     let bag = vocabulary::Config {
         n_words: 400,
         max_descriptors: 50_000,
@@ -129,10 +142,9 @@ fn bag() -> Named {
         pooling: Pooling::Pyramid { levels: 3 },
         ..vocabulary::Config::default()
     };
-    let region = Region { side: 16, scaled: true, ..Region::default() };
     let machines = MachinesConfig {
         detector: Detector::Dense(Dense::default()),
-        descriptor: Descriptor::CsLbp(CsLbp { radius: 1.0, region, ..CsLbp::default() }),
+        descriptor,
         representation: Representation::Bag(bag),
         classifier: Classifier::LinearSvm(svm::Config { c: 5.0, ..svm::Config::default() }),
     };
