@@ -203,6 +203,12 @@ impl Model {
         &self.extractor
     }
 
+    /// Makes it ready to see on so many threads at once, so that none has to wait on its first frame. The error says
+    /// which network cannot be had so often, and why.
+    pub fn prepare(&self, n_threads: usize) -> Result<(), String> {
+        self.extractor.prepare(n_threads)
+    }
+
     /// Whether it looks at the colors of frames.
     pub fn wants_colors(&self) -> bool {
         self.extractor.wants_colors()

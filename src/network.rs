@@ -39,16 +39,25 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::ops::{Deref, DerefMut};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-/// A network: its ONNX file and its description. Copies share the file, and the sessions that nobody uses now.
+/// A network: its ONNX file and its description. Copies share the file and the sessions.
 #[derive(Clone, Debug)]
 pub struct Network {
     name: String,
     description: Description,
     onnx: Arc<[u8]>,
     digest: blake3::Hash,
-    idle: Arc<Mutex<Vec<Session>>>,
+    sessions: Arc<Mutex<Sessions>>,
+}
+
+/// The sessions of a network.
+#[derive(Debug, Default)]
+struct Sessions {
+    /// Those that nobody uses now.
+    idle: Vec<Session>,
+    /// The sizes of those that are lent.
+    lent: Vec<Size>,
 }
 
 /// A session that is lent: its network has it back when this is dropped.
@@ -56,7 +65,7 @@ pub struct Network {
 pub struct Lent {
     /// Always there until then.
     session: Option<Session>,
-    idle: Arc<Mutex<Vec<Session>>>,
+    sessions: Arc<Mutex<Sessions>>,
 }
 
 /// Why there is no such network.
@@ -147,7 +156,7 @@ impl Network {
             return Err(NetworkError::OtherDigest { name, found, expected: description.digest });
         }
         match Graph::read(&onnx) {
-            Ok(_) => Ok(Self { name, description, onnx, digest, idle: Arc::default() }),
+            Ok(_) => Ok(Self { name, description, onnx, digest, sessions: Arc::default() }),
             Err(why) => Err(NetworkError::Refused { name, why }),
         }
     }
@@ -175,16 +184,6 @@ impl Network {
     /// BLAKE3 of the ONNX file.
     pub fn digest(&self) -> blake3::Hash {
         self.digest
-    }
-
-    /// The same network for those who want only some of its outputs; what the others alone take is not computed.
-    pub fn limited_to(&self, vector: bool, grids: &[&str], xfeat: bool) -> Self {
-        let mut limited = Self { idle: Arc::default(), ..self.clone() };
-        let description = &mut limited.description;
-        description.grids.retain(|name, _| grids.contains(&name.as_str()));
-        description.vector = description.vector.take().filter(|_| vector);
-        description.xfeat = description.xfeat.take().filter(|_| xfeat);
-        limited
     }
 
     /// Makes the network ready for one thread and for inputs of `size`. Takes some ten milliseconds.
@@ -215,18 +214,58 @@ impl Network {
     /// One session for inputs of `size`, for as long as the caller needs it: one that was used before, or a new one
     /// that was tried.
     pub fn lend(&self, runtime: &Runtime, size: Size) -> Result<Lent, NetworkError> {
-        let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        let same_size = idle.iter().position(|session| session.size() == size);
-        let kept = same_size.map(|idx| idle.swap_remove(idx));
         // Making one takes long, and others may go on meanwhile.
-        drop(idle);
-        let session = kept.map_or_else(|| self.tried(runtime, size), Ok)?;
-        Ok(Lent { session: Some(session), idle: Arc::clone(&self.idle) })
+        let kept = lock(&self.sessions).take(size);
+        let session = match kept {
+            Some(session) => session,
+            None => {
+                let session = self.tried(runtime, size)?;
+                lock(&self.sessions).lent.push(size);
+                session
+            }
+        };
+        Ok(Lent { session: Some(session), sessions: Arc::clone(&self.sessions) })
+    }
+
+    /// Makes sure that `n_threads` threads can have a session for inputs of `size` each without waiting for it to be made.
+    pub fn prepare(&self, runtime: &Runtime, size: Size, n_threads: usize) -> Result<(), NetworkError> {
+        while lock(&self.sessions).n_of(size) < n_threads {
+            let session = self.tried(runtime, size)?;
+            lock(&self.sessions).idle.push(session);
+        }
+        Ok(())
     }
 
     fn refused(&self, why: String) -> NetworkError {
         NetworkError::Refused { name: self.name.clone(), why }
     }
+}
+
+impl Sessions {
+    /// Lends an idle one, if there is one for inputs of this size.
+    fn take(&mut self, size: Size) -> Option<Session> {
+        let idx = self.idle.iter().position(|session| session.size() == size)?;
+        self.lent.push(size);
+        Some(self.idle.swap_remove(idx))
+    }
+
+    /// Takes one back.
+    fn put_back(&mut self, session: Session) {
+        if let Some(idx) = self.lent.iter().position(|size| *size == session.size()) {
+            self.lent.swap_remove(idx);
+        }
+        self.idle.push(session);
+    }
+
+    /// How many there are for inputs of this size.
+    fn n_of(&self, size: Size) -> usize {
+        let idle = self.idle.iter().map(Session::size);
+        idle.chain(self.lent.iter().copied()).filter(|&other| other == size).count()
+    }
+}
+
+fn lock(sessions: &Mutex<Sessions>) -> MutexGuard<'_, Sessions> {
+    sessions.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Deref for Lent {
@@ -245,8 +284,9 @@ impl DerefMut for Lent {
 
 impl Drop for Lent {
     fn drop(&mut self) {
-        let mut idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner);
-        idle.extend(self.session.take());
+        if let Some(session) = self.session.take() {
+            lock(&self.sessions).put_back(session);
+        }
     }
 }
 

@@ -136,6 +136,12 @@ impl Extractor {
         Self(Arc::new(Parameters { longest_side: config.longest_side, sights, camera }))
     }
 
+    /// Makes all networks ready for so many threads at once.
+    pub(super) fn prepare(&self, n_threads: usize) -> Result<(), String> {
+        let mut lenses = self.0.sights.iter().filter_map(Sight::lens);
+        lenses.try_for_each(|lens| lens.prepare(n_threads))
+    }
+
     /// The longest side in pixels that it looks at.
     pub fn longest_side(&self) -> usize {
         self.0.longest_side

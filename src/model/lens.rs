@@ -114,6 +114,13 @@ impl Lens {
             && (!is_around || self.around == other.around)
     }
 
+    /// Makes it ready for so many threads at once, so that none has to wait on its first frame. The error says what is
+    /// wrong with the network.
+    pub(super) fn prepare(&self, n_threads: usize) -> Result<(), String> {
+        let Some(Linked { network, runtime, size, .. }) = self.linked.as_deref() else { return Ok(()) };
+        network.prepare(runtime, *size, n_threads).map_err(|error| error.to_string())
+    }
+
     /// Runs the network on a frame; `None` where it is not linked or cannot run.
     pub(super) fn look<'v>(&self, frame: &Image, view: &'v View) -> Option<Look<'v>> {
         let Linked { network, runtime, size, .. } = &**self.linked.as_ref()?;

@@ -2,7 +2,7 @@
 
 use super::description::Description;
 use super::testing::*;
-use super::{MAX_NODES, Network, NetworkError, Runtime, Size};
+use super::{MAX_NODES, Network, NetworkError, Runtime, Size, lock};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -373,25 +373,35 @@ fn missing_files_are_named() {
 }
 
 #[test]
-fn what_only_unwanted_outputs_take_is_not_computed() {
+fn what_outputs_take_that_are_not_described_is_not_computed() {
     let Some(runtime) = runtime("limiting a network to some outputs") else { return };
     // The logarithm is infinite, so that computing it would be seen.
     let mut model = convolution();
     model.graph().nodes.push(node("Log", "embedding", "logarithms", vec![]));
-    let tables =
-        "[vector]\noutput = \"logarithms\"\n[grids.all]\noutput = \"map\"\n[grids.sums]\noutput = \"sums\"\n";
-    let network = network(&model, tables).unwrap();
+    let grid = "[grids.all]\noutput = \"map\"\n";
     let black = vec![0.0; 3 * 16 * 8];
-    assert!(network.session(&runtime, SMALL).unwrap().run(&black).is_none());
-    let limited = network.limited_to(false, &["all"], false);
-    let mut session = limited.session(&runtime, SMALL).unwrap();
-    assert_eq!(
-        (session.vector_len(), session.grid_len("all"), session.grid_len("sums")),
-        (None, Some(4), None)
-    );
-    let outputs = session.run(&black).unwrap();
+    let answer = |tables: &str| {
+        let network = network(&model, tables).unwrap();
+        network.session(&runtime, SMALL).unwrap().run(&black)
+    };
+    assert!(answer(&format!("[vector]\noutput = \"logarithms\"\n{grid}")).is_none());
+    let outputs = answer(grid).unwrap();
     assert_eq!((outputs.vector(), outputs.grid("all").unwrap().rows.n_rows()), (None, 0));
-    assert_eq!(outputs.grid("sums"), None);
+}
+
+#[test]
+fn prepared_sessions_are_as_many_as_threads_use_them() {
+    let Some(runtime) = runtime("preparing sessions of a network") else { return };
+    let network = network(&convolution(), "[grids.all]\noutput = \"map\"\n").unwrap();
+    let n_sessions = || lock(&network.sessions).n_of(SMALL);
+    let used = network.lend(&runtime, SMALL).unwrap();
+    network.prepare(&runtime, SMALL, 3).unwrap();
+    assert_eq!(n_sessions(), 3, "one of them is in use");
+    let all = [0, 1].map(|_| network.lend(&runtime, SMALL).unwrap());
+    assert_eq!((n_sessions(), lock(&network.sessions).idle.len()), (3, 0));
+    drop((used, all));
+    network.prepare(&runtime, SMALL, 2).unwrap();
+    assert_eq!((n_sessions(), lock(&network.sessions).idle.len()), (3, 3));
 }
 
 proptest! {

@@ -56,6 +56,8 @@ pub struct Registry {
     loading: Mutex<()>,
     /// Whether frames may come. Before that nothing has to be held back for them.
     is_open: AtomicBool,
+    /// The threads that recognize, for which models are made ready.
+    n_threads: usize,
     /// Versions in memory share the networks that are the same.
     networks: NetworkStore,
     events: Events,

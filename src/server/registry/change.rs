@@ -4,12 +4,12 @@ use super::aside::aside;
 use super::served::{STABLE, Table};
 use super::state::{Loaded, State};
 use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, lock};
-use crate::model::{LoadedModel, Stage, try_model};
+use crate::model::{LoadedModel, NetworkStore, Stage, try_model};
 use crate::protocol::event::Event;
 use crate::protocol::rest::ModelName;
 use crate::repository::{Canary, Change, Record, RecordError, RepositoryError, VersionId};
 use crate::server::metrics::{SwapKind, SwapOutcome};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
@@ -145,7 +145,7 @@ impl Registry {
     pub fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), ChangeError> {
         self.repository.complete(staged.path())?;
         let loading = lock(&self.loading);
-        self.try_folder(staged.path(), |_| ())?;
+        self.aside(|| try_folder(staged.path(), &self.networks, |_| ()))?;
         drop(loading);
         Ok(self.repository.publish(id, staged)?)
     }
@@ -251,7 +251,13 @@ impl Registry {
         let try_at = |stage| self.enter(&id, State::Trying(stage));
         try_at(Stage::Verifying);
         let folder = self.repository.fetch(&id).map_err(Failure::from);
-        let tried = folder.and_then(|folder| self.try_folder(&folder, try_at)).inspect_err(|failure| {
+        let load = |folder: PathBuf| {
+            let loaded = try_folder(&folder, &self.networks, try_at)?;
+            let prepared = loaded.model.prepare(self.n_threads);
+            prepared.map_err(|reason| Failure::new(Stage::Warming, reason))?;
+            Ok(loaded)
+        };
+        let tried = folder.and_then(|folder| self.aside(|| load(folder))).inspect_err(|failure| {
             tracing::error!(version = %id, %failure, "does not serve");
             self.enter(&id, State::Failed(failure.clone()));
         })?;
@@ -259,13 +265,10 @@ impl Registry {
         Ok(tried)
     }
 
-    /// Verifies, loads and tries a model; where frames may come, on a thread that stands aside for them. Whoever
-    /// calls this holds `loading`.
-    fn try_folder(&self, folder: &Path, on_stage: impl FnMut(Stage) + Send) -> Result<Loaded, Failure> {
-        let work = || try_model(folder, &self.networks, on_stage);
-        let tried = if self.is_open.load(Ordering::Relaxed) { aside(work) } else { work() };
-        let LoadedModel { model, digest } = tried?.loaded;
-        Ok(Loaded { model: Arc::new(model), digest })
+    /// Does the work on models that are read and tried; where frames may come, on a thread that stands aside for them.
+    /// Whoever calls this holds `loading`.
+    fn aside<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        if self.is_open.load(Ordering::Relaxed) { aside(work) } else { work() }
     }
 
     /// Gives up what was loaded for a change that did not take effect.
@@ -381,6 +384,12 @@ impl Entry {
             shadow: shadow.map(|served| old_shadow(&served).unwrap_or_else(|| Arc::new(Shadow::new(served)))),
         }
     }
+}
+
+/// Verifies, loads and tries a model, with the networks of `store`.
+fn try_folder(folder: &Path, store: &NetworkStore, on_stage: impl FnMut(Stage)) -> Result<Loaded, Failure> {
+    let LoadedModel { model, digest } = try_model(folder, store, on_stage)?.loaded;
+    Ok(Loaded { model: Arc::new(model), digest })
 }
 
 #[cfg(test)]

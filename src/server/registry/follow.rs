@@ -38,6 +38,7 @@ impl Registry {
             looking: Mutex::default(),
             loading: Mutex::default(),
             is_open: AtomicBool::new(false),
+            n_threads: settings.n_threads(),
             networks: NetworkStore::default(),
             events,
             metrics,
