@@ -4,7 +4,8 @@ use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
 use crate::camera::{Camera, CameraKind, Projection};
 use crate::image::{Image, Limits};
-use crate::model::{Extractor, Features, LoadedModel, NetworkEntry, Scratch, Seen, Sight, Size};
+use crate::model::{Extractor, Features, LoadedModel, Scratch, Seen, Sight, Size};
+use crate::protocol::rest::NetworkInfo;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
@@ -71,9 +72,8 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     for (name, size) in model.sizes() {
         add(&format!("opinion {name}"), format!("counts {:.2}; {}", model.weights()[name], size_text(&size)));
     }
-    for NetworkEntry { name, blake3, n_bytes, .. } in model.network_entries() {
-        let megabytes = n_bytes as f64 / 1e6;
-        add("network", format!("{name}, {megabytes:.1} MB, digest {blake3}"));
+    for network in NetworkInfo::all_of(model) {
+        add("network", output::network_text(&network));
     }
     add("digest", digest.clone());
     say!("{table}\n\n{}", toml::to_string(model.config())?)?;

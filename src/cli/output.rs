@@ -2,6 +2,7 @@
 
 use crate::evaluate::{Evaluation, Rate};
 use crate::model::{Addition, Card};
+use crate::protocol::rest::NetworkInfo;
 use comfy_table::{Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::env;
@@ -66,6 +67,11 @@ pub fn table<H: Into<comfy_table::Row>>(header: H) -> Table {
         .remove_style(TableComponent::MiddleIntersections)
         .set_header(header);
     table
+}
+
+/// What is said of a model's network.
+pub fn network_text(NetworkInfo { name, blake3, bytes }: &NetworkInfo) -> String {
+    format!("{name}, {:.1} MB, digest {blake3}", *bytes as f64 / 1e6)
 }
 
 /// What a card says, as rows of a table.

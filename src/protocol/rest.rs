@@ -230,12 +230,26 @@ pub struct VersionInfo {
     /// The rooms it tells apart.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rooms: Option<Vec<String>>,
+    /// The networks that it looks through; left out where there are none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub networks: Vec<NetworkInfo>,
     /// How it was trained and how well it did; asked for by version only.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schema(value_type = Option<Object>)]
     pub card: Option<serde_json::Value>,
     /// Its last states, the oldest first.
     pub history: Vec<StateChange>,
+}
+
+/// A network that a model looks through.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+pub struct NetworkInfo {
+    /// What the model calls it.
+    pub name: String,
+    /// The BLAKE3 digest of its ONNX file.
+    pub blake3: String,
+    /// The bytes of its ONNX file.
+    pub bytes: u64,
 }
 
 /// How a shadow compares with the stable version, frame by frame, since it became one.

@@ -5,10 +5,10 @@ use super::recognize::{Seen, Timings};
 use super::registry::{
     CANARY, Entry, Failure, PREVIOUS, Registry, SHADOW, STABLE, ServedModel, Serving, Tally, Version,
 };
-use crate::model::Evidence;
+use crate::model::{Evidence, Model, NetworkEntry};
 use crate::protocol::rest::{
-    Answer, BatchResult, FailureInfo, KeypointEvidence, KindInfo, ModelInfo, ModelName, RecognizeQuery,
-    RoomProbability, ShadowInfo, TimingsMs, VersionInfo,
+    Answer, BatchResult, FailureInfo, KeypointEvidence, KindInfo, ModelInfo, ModelName, NetworkInfo,
+    RecognizeQuery, RoomProbability, ShadowInfo, TimingsMs, VersionInfo,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -143,6 +143,7 @@ impl VersionInfo {
             shadow: shadow.map(|shadow| ShadowInfo::from(shadow.tally())),
             digest: loaded.map(|loaded| loaded.digest.clone()),
             rooms: loaded.map(|loaded| loaded.model.places().to_vec()),
+            networks: loaded.map_or_else(Vec::new, |loaded| NetworkInfo::all_of(&loaded.model)),
             card: None,
             history: version.history(),
         }
@@ -152,6 +153,18 @@ impl VersionInfo {
     pub fn with_card(number: u64, version: &Version, serving: &Serving) -> Self {
         let card = version.loaded().and_then(|loaded| serde_json::to_value(loaded.model.card()).ok());
         Self { card, ..Self::new(number, version, serving) }
+    }
+}
+
+impl NetworkInfo {
+    /// Those that a model looks through.
+    pub fn all_of(model: &Model) -> Vec<Self> {
+        let info = |NetworkEntry { name, blake3, n_bytes, .. }: NetworkEntry| Self {
+            name,
+            blake3: blake3.into(),
+            bytes: n_bytes,
+        };
+        model.network_entries().into_iter().map(info).collect()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::Target;
 use crate::model::{LoadedModel, Model, NetworkEntry, NetworkStore, TriedModel, try_model};
-use crate::protocol::rest::{ModelInfo, VersionInfo, VersionState};
+use crate::protocol::rest::{ModelInfo, NetworkInfo, VersionInfo, VersionState};
 use crate::repository::package::{Limits, copy, unpack};
 use crate::repository::{
     Change, DefaultModel, Listing, Record, Repository, RepositoryError, Scan, VersionId,
@@ -120,6 +120,7 @@ impl Local {
         Ok(VersionInfo {
             digest: Some(digest),
             rooms: Some(model.places().to_vec()),
+            networks: NetworkInfo::all_of(&model),
             card: Some(serde_json::to_value(model.card())?),
             ..version_info(id.version, &self.0.record(&id.name)?)
         })
@@ -222,6 +223,7 @@ fn version_info(version: u64, record: &Record) -> VersionInfo {
         shadow: None,
         digest: None,
         rooms: None,
+        networks: Vec::new(),
         card: None,
         history: Vec::new(),
     }

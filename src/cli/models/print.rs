@@ -46,6 +46,7 @@ pub(super) fn version(id: &VersionId, version: &VersionInfo) -> anyhow::Result<(
     add("serves as", labels(version));
     add("remark", remark(version));
     add("rooms", version.rooms.as_deref().unwrap_or_default().join(", "));
+    version.networks.iter().for_each(|network| add("network", output::network_text(network)));
     if let Some(card) = &version.card {
         let card: Card = serde_json::from_value(card.clone())?;
         output::card_rows(&card).into_iter().for_each(|(name, value)| add(name, value));

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import typing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Optional, TypeVar
 
 from .errors import ProtocolError
@@ -91,8 +91,17 @@ class Problem:
 
 
 @dataclass(frozen=True)
+class Network:
+    """A network that a model looks through: its ONNX file has ``bytes`` bytes and the digest ``blake3``."""
+
+    name: str
+    blake3: str
+    bytes: int
+
+
+@dataclass(frozen=True)
 class Version:
-    """One version of a model. ``rooms`` are those that it tells apart."""
+    """One version of a model. ``rooms`` are those that it tells apart; ``networks`` are empty where it needs none."""
 
     version: int
     state: str
@@ -100,6 +109,7 @@ class Version:
     epoch: Optional[int] = None
     digest: Optional[str] = None
     rooms: Optional[list[str]] = None
+    networks: list[Network] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
