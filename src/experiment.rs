@@ -1,4 +1,4 @@
-//! The experiments of the two papers, on sequences laid out as the COLD database.
+//! The experiments of the two papers, and one beside them, on sequences laid out as the COLD database.
 //!
 //! - **Lu**: Lu, Li, Zhang, Hu, Zheng, "Robust place recognition based on omnidirectional vision and real-time
 //!   local visual features for mobile robots".
@@ -29,7 +29,7 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
-/// An experiment of one of the papers.
+/// An experiment of one of the papers, or beside them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum Experiment {
@@ -51,6 +51,8 @@ pub enum Experiment {
     Occlusion,
     /// Time and memory (Lu, section 6.8)
     Cost,
+    /// Each opinion that --effort has, each pair, and all (beside the papers)
+    Opinions,
     /// Every pair of drives of a lab (Ullah, figure 4)
     Dynamic,
     /// The same parameters in every lab (Ullah, section V)

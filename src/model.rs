@@ -45,7 +45,7 @@ pub use networks::{
 };
 pub use opinion::{
     Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
-    Size, VectorConfig,
+    Size, Tries, VectorConfig,
 };
 pub use sight::{LocalFeatures, Seen, Sight};
 pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};

@@ -6,7 +6,7 @@ use crate::camera::CameraKind;
 use crate::dataset::{self, Dataset};
 use crate::experiment::report::{self, Entry, Report};
 use crate::experiment::{self, Cache, Chart, Drives, Experiment, Measured, Plan};
-use crate::model::{Config, Representation};
+use crate::model::{Config, Representation, all_opinions};
 use anyhow::{Context, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -16,7 +16,7 @@ use std::io;
 use std::iter;
 use std::path::{Path, PathBuf};
 
-/// Repeat the experiments of the papers on sequences of COLD, or of the simulated lab
+/// Repeat the experiments of the papers, and one on opinions, on sequences of COLD, or of the simulated lab
 ///
 /// Writes report.html and report.json. Answers are kept in a folder beside them: an interrupted run goes on
 /// where it stopped, and a second one takes seconds.
@@ -97,8 +97,11 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
         let drives = Drives::new(&dataset, stride)?;
         // All are planned before the first starts: what is missing shows at once.
         let mut plans = Vec::new();
+        let opinions = all_opinions(&args.config.candidates(&dataset)?).unwrap_or_else(|| config.clone());
+        let opinions = if args.quick { quick(opinions) } else { opinions };
         for experiment in experiments {
-            match experiment.plan(&drives, &config) {
+            let base = if experiment == Experiment::Opinions { &opinions } else { &config };
+            match experiment.plan(&drives, base) {
                 Ok(plan) => plans.push(plan),
                 Err(error) if args.name == Selection::All => say!("left out: {error}")?,
                 Err(error) => return Err(error.into()),

@@ -5,12 +5,13 @@ use super::output::{self, say};
 use crate::camera::Camera;
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Summary;
-use crate::model::{Classifier, Config, Extractor, Representation, TrainError};
-use crate::svm::{InnerKernel, KernelConfig, KernelFunction, MatchConfig};
+use crate::model::{Candidate, Config, Extractor, OpinionConfig, TrainError, Tries, all_opinions};
 use crate::validate::{self, Method, Protocol};
 use anyhow::{Context, bail};
 use clap::Args;
+use indicatif::ProgressBar;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -20,9 +21,10 @@ const MAX_CONFIGS: usize = 1000;
 
 /// Find parameters by cross-validation over sequences, and write them as a configuration
 ///
-/// Every combination of the values is trained on some sequences and answers the others. The rate of the best
-/// one is flattering, since it was chosen by it: measure it on sequences that had no part in this, with
-/// `validate --config` or `evaluate`.
+/// Models are trained on some sequences and answer the others. Without --try each opinion tries what it has to try, one
+/// parameter after the other, answering alone; then the combinations of opinions that --effort has are tried. With --try
+/// every combination of the values is. The rate of the best is flattering, since it was chosen by it: measure it on
+/// sequences that had no part in this, with `validate --config` or `evaluate`.
 #[derive(Args)]
 pub(super) struct TuneArgs {
     #[command(flatten)]
@@ -32,8 +34,8 @@ pub(super) struct TuneArgs {
     /// File for the best configuration, as TOML, for --config
     #[arg(long, short, value_name = "FILE")]
     output: PathBuf,
-    /// Values of one parameter, such as classifier.c=0.1,1,10; give it as often as needed [default: some for the
-    /// cost of errors, gamma and the number of words, as far as the configuration has them]
+    /// Values of one parameter, such as classifier.c=0.1,1,10 or opinions.vector.c=1,10; give it as often as needed
+    /// [default: some for each opinion]
     #[arg(long = "try", value_name = "NAME=VALUE,...")]
     tries: Vec<String>,
     #[command(flatten)]
@@ -45,80 +47,88 @@ pub(super) struct TuneArgs {
     json: bool,
 }
 
-/// One combination of values, and how it did.
-#[derive(Serialize)]
-struct Tried {
+/// What may be tried: some values of parameters, or a combination of opinions.
+#[derive(Clone, Serialize)]
+struct Trial {
+    /// What the combination of opinions is called, where it is one that an effort has.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    candidate: Option<String>,
     /// As `NAME=VALUE`.
     parameters: Vec<String>,
+    #[serde(skip)]
+    config: Config,
+}
+
+impl Trial {
+    fn name(&self) -> String {
+        self.candidate.clone().unwrap_or_else(|| self.parameters.join(" "))
+    }
+}
+
+/// How it did.
+#[derive(Clone, Serialize)]
+struct Tried {
+    #[serde(flatten)]
+    trial: Trial,
     /// Over the seeds.
     rate: Option<Summary>,
     /// Over the seeds, of the mean of the rooms' rates.
     mean_by_place: Option<Summary>,
     /// Why it cannot be trained, if so.
     impossible: Option<String>,
-    #[serde(skip)]
-    config: Config,
 }
 
-/// Tries all combinations, prints them, and writes the best.
+/// Tries what there is to try, prints it, and writes the best.
 pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
     if args.output.exists() {
         bail!("{} exists already: choose another file", args.output.display());
     }
-    let tries = if args.tries.is_empty() { default_tries(&args.config.read()?) } else { args.tries.clone() };
     // All configurations are read before the long work starts.
-    let configs: Vec<(Vec<String>, Config)> = combinations(&tries)?
-        .into_iter()
-        .map(|parameters| Ok((parameters.clone(), args.config.read_with(&parameters)?)))
-        .collect::<anyhow::Result<_>>()?;
+    let grid: Vec<Trial> = match &args.tries[..] {
+        [] => Vec::new(),
+        tries => {
+            let base = args.config.read()?;
+            let with = |parameters| args.trial(&base, parameters);
+            combinations(tries)?.into_iter().map(with).collect::<anyhow::Result<_>>()?
+        }
+    };
     let dataset = args.data.open(None)?;
     dataset.check()?;
     args.folds.check(&dataset)?;
     let camera = args.config.camera(&dataset, &args.limits.limits())?;
-    let mut tuner = Tuner { args, dataset: &dataset, camera, described: None };
-    let bar = output::progress("trying", configs.len());
-    let mut tried = Vec::new();
-    for (parameters, config) in configs {
-        bar.set_message(parameters.join(" "));
-        tried.push(tuner.measure(parameters, config)?);
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    let Some(best) = best_of(&tried) else {
-        let reason = tried.iter().find_map(|tried| tried.impossible.as_deref());
-        bail!("no combination can be trained: {}", reason.unwrap_or("nothing was tried"));
+    let candidates = if grid.is_empty() { args.config.candidates(&dataset)? } else { Vec::new() };
+    let n_steps = grid.len() + n_tries(&candidates);
+    let bar = output::progress("trying", n_steps);
+    let mut tuner = Tuner { args, dataset: &dataset, camera, described: None, bar, tried: Vec::new() };
+    let best =
+        if candidates.is_empty() { tuner.best_of_all(grid)? } else { tuner.best_of_opinions(candidates)? };
+    tuner.bar.finish_and_clear();
+    let Some(best) = best else {
+        let reason = tuner.tried.iter().find_map(|tried| tried.impossible.as_deref());
+        bail!("nothing of this can be trained: {}", reason.unwrap_or("nothing was tried"));
     };
-    write_new(&args.output, &toml::to_string_pretty(&best.config)?)?;
+    write_new(&args.output, &toml::to_string_pretty(&best.trial.config)?)?;
     if args.json {
-        say!("{}", serde_json::to_string_pretty(&tried)?)?;
+        say!("{}", serde_json::to_string_pretty(&tuner.tried)?)?;
     } else {
-        print(&tried, best, &args.output)?;
+        print(&tuner.tried, &best, &args.output)?;
     }
     Ok(())
 }
 
-/// What is tried when nothing is asked for.
-fn default_tries(config: &Config) -> Vec<String> {
-    let Some(machines) = config.machines() else { return Vec::new() };
-    let of_classifier: &[&str] = match &machines.classifier {
-        Classifier::LinearSvm(_) => &["classifier.c=0.1,1,10"],
-        Classifier::KernelSvm(KernelConfig { kernel, .. }) => match kernel {
-            KernelFunction::Linear | KernelFunction::HistogramIntersection => {
-                &["classifier.machines.c=0.1,1,10"]
-            }
-            _ => &["classifier.machines.c=1,10", "classifier.kernel.gamma=0.5,2,8"],
-        },
-        Classifier::MatchSvm(MatchConfig { inner: InnerKernel::Linear, .. }) => {
-            &["classifier.machines.c=0.1,1,10"]
-        }
-        Classifier::MatchSvm(_) => &["classifier.machines.c=1,10", "classifier.inner.gamma=2,4,8"],
-        Classifier::Boost(_) => &["classifier.n_rounds=50,200,800"],
-    };
-    let of_words: &[&str] = match machines.representation {
-        Representation::Bag(_) => &["representation.n_words=300,1000"],
-        Representation::Descriptors {} => &[],
-    };
-    of_classifier.iter().chain(of_words).map(|&list| list.to_owned()).collect()
+impl TuneArgs {
+    /// A configuration changed by these parameters.
+    fn trial(&self, config: &Config, parameters: Vec<String>) -> anyhow::Result<Trial> {
+        let config = self.config.with(config, &parameters)?;
+        Ok(Trial { candidate: None, parameters, config })
+    }
+}
+
+/// How much is tried by [`Tuner::best_of_opinions`].
+fn n_tries(candidates: &[Candidate]) -> usize {
+    let all = all_opinions(candidates).map(|config| config.opinions).unwrap_or_default();
+    let values = all.values().flat_map(OpinionConfig::tries).map(|tries| tries.values.len());
+    values.sum::<usize>() + candidates.len()
 }
 
 /// Every combination of the values of `NAME=VALUE,...` lists, the last list changing fastest.
@@ -144,18 +154,62 @@ struct Tuner<'a> {
     camera: Camera,
     /// The frames as the last configuration described them.
     described: Option<(Config, Described)>,
+    bar: ProgressBar,
+    tried: Vec<Tried>,
 }
 
 impl Tuner<'_> {
-    fn measure(&mut self, parameters: Vec<String>, config: Config) -> anyhow::Result<Tried> {
+    /// The best of these, the first of equal ones; none where nothing can be trained.
+    fn best_of_all(&mut self, trials: Vec<Trial>) -> anyhow::Result<Option<Tried>> {
+        let first = self.tried.len();
+        for trial in trials {
+            self.bar.set_message(trial.name());
+            let tried = self.measure(trial)?;
+            self.tried.push(tried);
+            self.bar.inc(1);
+        }
+        Ok(best_of(&self.tried[first..]).cloned())
+    }
+
+    /// The best of some candidates, after each of their opinions has tried what there is to try, one parameter after the
+    /// other.
+    fn best_of_opinions(&mut self, candidates: Vec<Candidate>) -> anyhow::Result<Option<Tried>> {
+        let Some(all) = all_opinions(&candidates) else { return Ok(None) };
+        let mut chosen: BTreeMap<&String, Vec<String>> = BTreeMap::new();
+        for (name, opinion) in &all.opinions {
+            let mut alone = all.with_opinions(|other| other == name);
+            for Tries { parameter, values } in opinion.tries() {
+                let with = |value: &&str| {
+                    self.args.trial(&alone, vec![format!("opinions.{name}.{parameter}={value}")])
+                };
+                let mut trials: Vec<Trial> = values.iter().map(with).collect::<anyhow::Result<_>>()?;
+                // Where others do as well, what is stays.
+                trials.sort_by_key(|trial| trial.config != alone);
+                if let Some(best) = self.best_of_all(trials)? {
+                    alone = best.trial.config;
+                    chosen.entry(name).or_default().extend(best.trial.parameters);
+                }
+            }
+        }
+        let with_chosen = |candidate: &Candidate| {
+            let names = candidate.config.opinions.keys();
+            let parameters = names.filter_map(|name| chosen.get(name)).flatten().cloned().collect();
+            let trial = self.args.trial(&candidate.config, parameters)?;
+            Ok(Trial { candidate: Some(candidate.name.clone()), ..trial })
+        };
+        let trials = candidates.iter().map(with_chosen).collect::<anyhow::Result<_>>()?;
+        self.best_of_all(trials)
+    }
+
+    fn measure(&mut self, trial: Trial) -> anyhow::Result<Tried> {
         let described = match self.described.take() {
-            Some((before, described)) if before.extraction() == config.extraction() => described,
+            Some((before, described)) if before.extraction() == trial.config.extraction() => described,
             _ => {
-                let extractor = Extractor::new(&config, self.camera.clone());
+                let extractor = Extractor::new(&trial.config, self.camera.clone());
                 data::describe_to_train(self.dataset, &extractor, &self.args.limits.limits())?
             }
         };
-        let (_, described) = self.described.insert((config.clone(), described));
+        let (_, described) = self.described.insert((trial.config.clone(), described));
         let protocol = Protocol::Sequences(self.args.folds.folds);
         let (mut rates, mut means) = (Vec::new(), Vec::new());
         for seed in 0..self.args.folds.seeds {
@@ -163,27 +217,27 @@ impl Tuner<'_> {
             if rounds.is_empty() {
                 bail!("no room has sequences both to train and to answer: drive through the rooms again");
             }
-            let seeded = Config { seed, ..config.clone() };
+            let seeded = Config { seed, ..trial.config.clone() };
             let method = Method::of(&seeded);
             let answers =
                 validate::run(&described.samples, &rounds, &method, (&seeded, &self.camera), |_| ());
             let answers = match answers {
                 Ok(answers) => answers.concat(),
                 // The others may work.
-                Err(error) => return Ok(Tried::impossible(parameters, config, &error)),
+                Err(error) => return Ok(Tried::impossible(trial, &error)),
             };
             let evaluation = validate::evaluate(self.dataset, described, &answers);
             rates.extend(evaluation.overall.rate);
             means.extend(evaluation.mean_by_place);
         }
         let (rate, mean_by_place) = (Summary::of(&rates), Summary::of(&means));
-        Ok(Tried { parameters, rate, mean_by_place, impossible: None, config })
+        Ok(Tried { trial, rate, mean_by_place, impossible: None })
     }
 }
 
 impl Tried {
-    fn impossible(parameters: Vec<String>, config: Config, error: &TrainError) -> Self {
-        Self { parameters, rate: None, mean_by_place: None, impossible: Some(error.to_string()), config }
+    fn impossible(trial: Trial, error: &TrainError) -> Self {
+        Self { trial, rate: None, mean_by_place: None, impossible: Some(error.to_string()) }
     }
 }
 
@@ -203,7 +257,7 @@ fn print(tried: &[Tried], best: &Tried, output: &Path) -> anyhow::Result<()> {
     let digits = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4}"));
     for tried in tried {
         table.add_row([
-            tried.parameters.join(" "),
+            tried.trial.name(),
             digits(tried.rate.map(|rate| rate.mean)),
             digits(tried.rate.and_then(|rate| rate.std)),
             digits(tried.mean_by_place.map(|rate| rate.mean)),
@@ -212,10 +266,12 @@ fn print(tried: &[Tried], best: &Tried, output: &Path) -> anyhow::Result<()> {
     say!("{table}")?;
     for tried in tried {
         if let Some(reason) = &tried.impossible {
-            say!("{}: cannot be trained, {reason}", tried.parameters.join(" "))?;
+            say!("{}: cannot be trained, {reason}", tried.trial.name())?;
         }
     }
-    say!("\nBest: {}. {} holds it, for --config.", best.parameters.join(" "), output.display())?;
+    let Trial { candidate, parameters, .. } = &best.trial;
+    let words: Vec<&str> = candidate.iter().chain(parameters).map(String::as_str).collect();
+    say!("\nBest: {}. {} holds it, for --config.", words.join(" "), output.display())?;
     say!("Its rate is flattering: measure it on sequences that had no part in this.")?;
     Ok(())
 }
@@ -225,19 +281,28 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_tried_by_default_fits_the_classifier() {
+    fn what_is_tried_by_default_fits_the_opinion() {
         let bag = ["kind=linear_svm", "kind=kernel_svm", "kernel={kind='sigmoid'}", "kind=boost"];
         let matching = ["kind=match_svm", "inner={kind='correlation', gamma=2}", "inner={kind='linear'}"];
         let configs = [("bag", "kernel_svm", &bag[..]), ("descriptors", "match_svm", &matching[..])];
         for (representation, classifier, changes) in configs {
             for change in changes {
                 let kind = format!("classifier.kind={classifier}");
-                let parameters =
-                    [format!("representation.kind={representation}"), kind, format!("classifier.{change}")];
+                let memory = "opinions.memory={kind='memory'}".to_owned();
+                let patterns = "opinions.patterns={kind='patterns'}".to_owned();
+                let representation = format!("representation.kind={representation}");
+                let parameters = [representation, kind, format!("classifier.{change}"), memory, patterns];
                 let args = ConfigArgs::of_parameters(&parameters);
-                let tries = default_tries(&args.read().unwrap());
-                for combination in combinations(&tries).unwrap() {
-                    args.read_with(&combination).unwrap();
+                let config = args.read().unwrap();
+                for (name, opinion) in &config.opinions {
+                    assert!(!opinion.tries().is_empty());
+                    for Tries { parameter, values } in opinion.tries() {
+                        for value in values {
+                            let parameters = [format!("opinions.{name}.{parameter}={value}")];
+                            let changed = args.with(&config, &parameters).unwrap();
+                            assert_eq!(changed.extraction(), config.extraction());
+                        }
+                    }
                 }
             }
         }

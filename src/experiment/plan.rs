@@ -114,6 +114,7 @@ impl Experiment {
             Self::Best => lu::best(drives, base),
             Self::Occlusion => lu::occlusion(drives, base),
             Self::Cost => lu::cost(drives, base),
+            Self::Opinions => lu::opinions(drives, base),
             Self::Dynamic => Ok(ullah::dynamic(drives, base)),
             Self::Geographic => Ok(ullah::geographic(drives, base)),
             Self::Categorical => ullah::categorical(drives, base),
@@ -154,6 +155,20 @@ impl Experiment {
             needed: needed.to_owned(),
             present: drives.names(),
         }
+    }
+}
+
+/// The answers to one drive after training on others, without anything hidden; the paper prints nothing for it.
+fn cell(row: &str, column: &str, train: &[usize], test: usize, config: Config) -> Cell {
+    Cell {
+        row: row.to_owned(),
+        column: column.to_owned(),
+        config,
+        work: Work::Rate {
+            splits: vec![Split { train: train.to_vec(), test: vec![test] }],
+            occlusion: Occlusion::default(),
+        },
+        printed: None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Opinions: the ways to tell rooms apart that a model may have, each in a file of its own.
 //!
 //! To add one, write its file: a configuration that says what it looks at ([`Sight`]), what is wrong with its
-//! parameters, how it is calibrated and how much it counts where nothing is known; and a [`Recognizer`] that is
+//! parameters, which are worth trying, how it is calibrated and how much it counts where nothing is known; and a [`Recognizer`] that is
 //! trained, answers, goes on learning, gives its reasons, and has arrays. Then name both in the enums here. Everything else
 //! (calibration, weights, the file, evaluation, tuning, experiments) works on opinions without knowing which.
 
@@ -44,6 +44,15 @@ pub enum OpinionConfig {
     Vector(VectorConfig),
     /// A memory of local features.
     Memory(MemoryConfig),
+}
+
+/// A parameter of an opinion, and values of it that are worth trying, as in a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Tries {
+    /// Its name within the opinion.
+    pub parameter: &'static str,
+    /// The values.
+    pub values: &'static [&'static str],
 }
 
 /// What a kind of opinion learns from frames, and says of them.
@@ -218,6 +227,12 @@ impl OpinionConfig {
     /// Whether what it learns depends on the seed when frames of known sequences are compared with each other.
     pub fn is_random(&self) -> bool {
         of_each!(Self, self, config => config.is_random())
+    }
+
+    /// What is worth trying where it is to do better on other frames than those that the defaults were chosen on. None changes
+    /// what it looks at.
+    pub fn tries(&self) -> Vec<Tries> {
+        of_each!(Self, self, config => config.tries())
     }
 
     /// What is wrong with the parameters beside those of its sight, if anything.

@@ -136,13 +136,7 @@ impl ConfigArgs {
 
     /// The file, changed by the single parameters.
     pub(in crate::cli) fn read(&self) -> anyhow::Result<Config> {
-        self.read_with(&[])
-    }
-
-    /// The same, changed by `more` parameters.
-    pub(in crate::cli) fn read_with(&self, more: &[String]) -> anyhow::Result<Config> {
-        let defaults = toml::Table::try_from(Config::default())?;
-        let mut table = defaults;
+        let mut table = toml::Table::try_from(Config::default())?;
         if let Some(path) = &self.config {
             let text = fs::read_to_string(path).with_context(|| path.display().to_string())?;
             let file: toml::Table = text.parse().with_context(|| path.display().to_string())?;
@@ -151,16 +145,21 @@ impl ConfigArgs {
             }
             merge(&mut table, spelled_out(file)?);
         }
-        for parameter in self.parameters.iter().chain(more) {
-            merge(&mut table, spelled_out(parse_parameter(parameter)?)?);
-            // Another variant brings its own parameters, which the next change may name.
-            table = toml::Table::try_from(table.try_into::<Config>()?)?;
-        }
-        let mut config = self.with_wanted_opinions(table.try_into()?);
-        self.link(std::iter::once(&mut config))?;
+        let config = self.with_wanted_opinions(changed(table, &self.parameters)?);
         if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
             bail!("the configuration has no opinion called {name}");
         }
+        self.completed(config)
+    }
+
+    /// A configuration changed by these parameters.
+    pub(in crate::cli) fn with(&self, config: &Config, parameters: &[String]) -> anyhow::Result<Config> {
+        self.completed(changed(toml::Table::try_from(config)?, parameters)?)
+    }
+
+    /// A configuration with its networks, if it makes sense.
+    fn completed(&self, mut config: Config) -> anyhow::Result<Config> {
+        self.link(std::iter::once(&mut config))?;
         config.check().map_err(anyhow::Error::msg)?;
         Ok(config)
     }
@@ -194,6 +193,16 @@ impl ConfigArgs {
         let mask = self.mask.as_ref().map(|path| read_image(path, limits).map(Mask::new)).transpose()?;
         Ok(Camera { projection, mask })
     }
+}
+
+/// The configuration that a table becomes by these parameters, one after the other.
+fn changed(mut table: toml::Table, parameters: &[String]) -> anyhow::Result<Config> {
+    for parameter in parameters {
+        merge(&mut table, spelled_out(parse_parameter(parameter)?)?);
+        // Another variant brings its own parameters, which the next change may name.
+        table = toml::Table::try_from(table.try_into::<Config>()?)?;
+    }
+    Ok(table.try_into()?)
 }
 
 /// Reads `a.b.c=value` as the table it would be in a file. A value that is no TOML is a string.

@@ -1,13 +1,14 @@
 //! The experiments of Lu et al.
 
 use super::super::{Drives, Experiment, ExperimentError};
-use super::{Cell, Chart, Occlusion, Plan, Split, Work};
+use super::{Cell, Chart, Occlusion, Plan, Split, Work, cell};
 use crate::camera::Projection;
 use crate::dataset::cold::Illumination;
 use crate::describe::{CsLbp, Descriptor, Lbp, SiftDescriptor, SurfDescriptor};
 use crate::detect::{Detector, Fast, FastThreshold, Sift, Surf};
 use crate::model::{Classifier, Config, Representation};
 use crate::svm::{self, KernelConfig, KernelFunction};
+use crate::validate::teams;
 use crate::{boost, vocabulary};
 use std::collections::BTreeSet;
 
@@ -54,19 +55,6 @@ impl Experiment {
             differences: BAG_DIFFERENCES.to_vec(),
             cells: Vec::new(),
         }
-    }
-}
-
-fn cell(row: &str, column: &str, train: &[usize], test: usize, config: Config) -> Cell {
-    Cell {
-        row: row.to_owned(),
-        column: column.to_owned(),
-        config,
-        work: Work::Rate {
-            splits: vec![Split { train: train.to_vec(), test: vec![test] }],
-            occlusion: Occlusion::default(),
-        },
-        printed: None,
     }
 }
 
@@ -304,6 +292,22 @@ pub(super) fn occlusion(drives: &Drives, base: &Config) -> Result<Plan, Experime
             let cell = Cell { work, ..cell(&hidden, tested, &[train], test, with_words(base, 300)) };
             plan.cells.push(cell);
         }
+    }
+    Ok(plan)
+}
+
+/// Beside the experiments of the papers: each opinion of `all` alone, each pair, and all together.
+pub(super) fn opinions(drives: &Drives, all: &Config) -> Result<Plan, ExperimentError> {
+    let experiment = Experiment::Opinions;
+    let tests = experiment.lu(drives, &LU_TESTS)?;
+    let (cloudy, trained) = experiment.lu(drives, &LU_TRAININGS[..1])?[0];
+    let mut plan = experiment.lu_plan("Opinions, each alone and together", "beside the papers", Chart::Bars);
+    plan.differences = Vec::new();
+    for team in teams(all) {
+        let row = format!("{}, trained on {trained}", team.name);
+        plan.cells.extend(
+            tests.iter().map(|&(test, tested)| cell(&row, tested, &[cloudy], test, team.config.clone())),
+        );
     }
     Ok(plan)
 }

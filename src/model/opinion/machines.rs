@@ -11,13 +11,16 @@ use super::super::lens::Lens;
 use super::super::sight::{LocalFeatures, Seen, Sight};
 use super::super::{AddError, TrainError};
 use super::kept::KeptRows;
-use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Shape, Size};
+use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Shape, Size, Tries};
 use crate::boost::{self, Boost};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
 use crate::labeled::LabeledError;
 use crate::matrix::Matrix;
-use crate::svm::{self, DualSvm, IncrementalSvm, KernelSvm, LinearSvm, MatchSvm, Scheme, SvmError};
+use crate::svm::{
+    self, DualSvm, IncrementalSvm, InnerKernel, KernelConfig, KernelFunction, KernelSvm, LinearSvm,
+    MatchConfig, MatchSvm, Scheme, SvmError,
+};
 use crate::vocabulary::{self, Described, Vocabulary};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -60,9 +63,9 @@ pub enum Classifier {
     /// Support vector machines with the linear kernel, over bags.
     LinearSvm(svm::Config),
     /// Support vector machines with any kernel, over bags.
-    KernelSvm(svm::KernelConfig),
+    KernelSvm(KernelConfig),
     /// Support vector machines with the match kernel, over the descriptors themselves.
-    MatchSvm(svm::MatchConfig),
+    MatchSvm(MatchConfig),
     /// AdaBoost on stumps, over bags.
     Boost(boost::Config),
 }
@@ -81,6 +84,29 @@ impl Classifier {
             Self::KernelSvm(config) => config.machines.scheme,
             Self::MatchSvm(config) => config.machines.scheme,
             Self::Boost(_) => Scheme::OneVsAll,
+        }
+    }
+
+    fn tries(&self) -> Vec<Tries> {
+        let of = |parameter, values| Tries { parameter, values };
+        match self {
+            Self::LinearSvm(_) => vec![of("classifier.c", &["0.1", "1", "10"])],
+            Self::KernelSvm(KernelConfig {
+                kernel: KernelFunction::Linear | KernelFunction::HistogramIntersection,
+                ..
+            })
+            | Self::MatchSvm(MatchConfig { inner: InnerKernel::Linear, .. }) => {
+                vec![of("classifier.machines.c", &["0.1", "1", "10"])]
+            }
+            Self::KernelSvm(_) => vec![
+                of("classifier.machines.c", &["1", "10"]),
+                of("classifier.kernel.gamma", &["0.5", "2", "8"]),
+            ],
+            Self::MatchSvm(_) => vec![
+                of("classifier.machines.c", &["1", "10"]),
+                of("classifier.inner.gamma", &["2", "4", "8"]),
+            ],
+            Self::Boost(_) => vec![of("classifier.n_rounds", &["50", "200", "800"])],
         }
     }
 
@@ -121,6 +147,14 @@ impl MachinesConfig {
     /// Words are drawn.
     pub(super) fn is_random(&self) -> bool {
         matches!(self.representation, Representation::Bag(_))
+    }
+
+    pub(super) fn tries(&self) -> Vec<Tries> {
+        let mut tries = self.classifier.tries();
+        if let Representation::Bag(_) = self.representation {
+            tries.push(Tries { parameter: "representation.n_words", values: &["300", "1000"] });
+        }
+        tries
     }
 
     pub(super) fn way(&self) -> Way {

@@ -6,7 +6,7 @@ use super::super::format::FormatError;
 use super::super::lens::Lens;
 use super::super::sight::{Seen, Sight};
 use super::super::{AddError, TrainError};
-use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Shape, Size};
+use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Shape, Size, Tries};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
 use crate::matrix::Matrix;
@@ -92,6 +92,13 @@ impl MemoryConfig {
     /// Words are drawn.
     pub(super) fn is_random(&self) -> bool {
         true
+    }
+
+    pub(super) fn tries(&self) -> Vec<Tries> {
+        vec![
+            Tries { parameter: "memory.n_neighbors", values: &["5", "10", "20"] },
+            Tries { parameter: "memory.n_dimensions", values: &["32", "64"] },
+        ]
     }
 
     pub(super) fn way(&self) -> Way {

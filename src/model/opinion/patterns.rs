@@ -3,6 +3,7 @@
 use super::super::calibration::Way;
 use super::super::lens::Lens;
 use super::super::sight::Sight;
+use super::Tries;
 use super::whole::{Whole, WholeConfig};
 use crate::describe::FrameLbp;
 use crate::svm;
@@ -40,6 +41,10 @@ impl PatternsConfig {
 
     pub(super) fn is_random(&self) -> bool {
         false
+    }
+
+    pub(super) fn tries(&self) -> Vec<Tries> {
+        vec![Tries { parameter: "c", values: &["1", "10", "100"] }]
     }
 
     pub(super) fn way(&self) -> Way {

@@ -3,6 +3,7 @@
 use super::super::calibration::Way;
 use super::super::lens::Lens;
 use super::super::sight::Sight;
+use super::Tries;
 use super::whole::{Whole, WholeConfig};
 use crate::svm;
 use serde::{Deserialize, Serialize};
@@ -39,6 +40,10 @@ impl VectorConfig {
 
     pub(super) fn is_random(&self) -> bool {
         false
+    }
+
+    pub(super) fn tries(&self) -> Vec<Tries> {
+        vec![Tries { parameter: "c", values: &["0.3", "1", "3", "10"] }]
     }
 
     pub(super) fn way(&self) -> Way {
