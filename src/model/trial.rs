@@ -62,3 +62,16 @@ impl fmt::Display for Stage {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn models_of_the_first_format_answer_what_they_answered() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/model_version_1");
+        let tried = try_model(&folder, &NetworkStore::default(), |_| ()).unwrap();
+        assert_eq!(tried.n_golden_frames, 4);
+        assert_eq!(tried.loaded.model.config().opinions.keys().collect::<Vec<_>>(), ["bag"]);
+    }
+}
