@@ -101,7 +101,7 @@ pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
     let bar = output::progress("trying", n_steps);
     let mut tuner = Tuner { args, dataset: &dataset, camera, described: None, bar, tried: Vec::new() };
     let best =
-        if candidates.is_empty() { tuner.best_of_all(grid)? } else { tuner.best_of_opinions(candidates)? };
+        if candidates.is_empty() { tuner.best_of_all(grid)? } else { tuner.best_of_opinions(&candidates)? };
     tuner.bar.finish_and_clear();
     let Some(best) = best else {
         let reason = tuner.tried.iter().find_map(|tried| tried.impossible.as_deref());
@@ -173,8 +173,8 @@ impl Tuner<'_> {
 
     /// The best of some candidates, after each of their opinions has tried what there is to try, one parameter after the
     /// other.
-    fn best_of_opinions(&mut self, candidates: Vec<Candidate>) -> anyhow::Result<Option<Tried>> {
-        let Some(all) = all_opinions(&candidates) else { return Ok(None) };
+    fn best_of_opinions(&mut self, candidates: &[Candidate]) -> anyhow::Result<Option<Tried>> {
+        let Some(all) = all_opinions(candidates) else { return Ok(None) };
         let mut chosen: BTreeMap<&String, Vec<String>> = BTreeMap::new();
         for (name, opinion) in &all.opinions {
             let mut alone = all.with_opinions(|other| other == name);
