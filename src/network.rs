@@ -115,6 +115,9 @@ pub enum NetworkError {
         /// Why.
         why: String,
     },
+    /// Nobody has given a network of this name.
+    #[error("the network {0} is not there: run `make networks`, or name the folder of its files")]
+    NotThere(String),
     /// ONNX Runtime is missing or no good.
     #[error(transparent)]
     Runtime(#[from] RuntimeError),

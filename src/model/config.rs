@@ -5,6 +5,7 @@ use super::sight::Sight;
 use super::{Classifier, Networks};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
+use crate::network::NetworkError;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -234,7 +235,7 @@ impl Config {
 
     /// Gives the opinions that look through networks these; each is tried. Without that the configuration is not
     /// complete. The error says what to do.
-    pub fn link(&mut self, networks: &Networks) -> Result<(), String> {
+    pub fn link(&mut self, networks: &Networks) -> Result<(), NetworkError> {
         self.opinions
             .values_mut()
             .filter_map(OpinionConfig::lens_mut)

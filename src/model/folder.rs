@@ -16,6 +16,7 @@ use super::golden::{GOLDEN_FOLDER, GoldenFrame, write_golden};
 use super::networks::{self, NetworkEntry, NetworkStore, write_networks};
 use super::{Card, Config, Model};
 use crate::camera::Projection;
+use crate::network::NetworkError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -59,6 +60,8 @@ pub struct LoadError {
     pub path: PathBuf,
     /// What is wrong with it.
     pub reason: String,
+    /// The file is good, and ONNX Runtime is missing: it may be there at the next try.
+    pub may_pass: bool,
 }
 
 /// Why a model was not saved.
@@ -194,8 +197,10 @@ impl VerifiedFile {
         for entry in &self.networks {
             networks.insert(entry.name.clone(), store.open(&self.folder, entry)?);
         }
-        let model =
-            Model::from_parts(&self.bytes, networks).map_err(|error| refused(&path, error.to_string()))?;
+        let model = Model::from_parts(&self.bytes, networks).map_err(|error| LoadError {
+            may_pass: matches!(error, FormatError::Network(NetworkError::Runtime(_))),
+            ..refused(&path, error.to_string())
+        })?;
         Ok(LoadedModel { model, digest: self.digest })
     }
 }
@@ -279,5 +284,5 @@ pub(super) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, LoadE
 }
 
 pub(super) fn refused(path: &Path, reason: impl Into<String>) -> LoadError {
-    LoadError { path: path.to_owned(), reason: reason.into() }
+    LoadError { path: path.to_owned(), reason: reason.into(), may_pass: false }
 }

@@ -39,6 +39,7 @@ use super::opinion::{Opinion, Shape};
 use super::{Card, Classification, Config, Extractor, Model};
 use crate::camera::{Camera, Mask, Projection};
 use crate::filter::Transitions;
+use crate::network::NetworkError;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
@@ -79,8 +80,8 @@ pub enum FormatError {
     )]
     OtherNetworks,
     /// A network that it looks through cannot be used here.
-    #[error("{0}")]
-    Network(String),
+    #[error(transparent)]
+    Network(#[from] NetworkError),
 }
 
 /// All that is not an array.
@@ -195,7 +196,7 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
     let Metadata {
         places, camera, known_probability, mut config, card, format_version, weights, doubt, ..
     } = metadata;
-    config.link(&networks).map_err(FormatError::Network)?;
+    config.link(&networks)?;
     config.check().map_err(FormatError::Damaged)?;
     let distinct: BTreeSet<&str> = places.iter().map(String::as_str).collect();
     require(distinct.len() == places.len() && places.len() >= 2, "its rooms are not distinct")?;

@@ -6,7 +6,7 @@ use crate::camera::{CameraKind, View};
 use crate::detect::Keypoint;
 use crate::image::Image;
 use crate::matrix::Matrix;
-use crate::network::{Around, FrameInput, Input, Network, Outputs, Runtime, Size, XFeat};
+use crate::network::{Around, FrameInput, Input, Network, NetworkError, Outputs, Runtime, Size, XFeat};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
@@ -68,11 +68,9 @@ impl Lens {
     }
 
     /// Gives it the network of its name, which is tried once. The error says what to do.
-    pub(super) fn link(&mut self, networks: &Networks) -> Result<(), String> {
+    pub(super) fn link(&mut self, networks: &Networks) -> Result<(), NetworkError> {
         let name = &self.network;
-        let carried = networks.get(name).ok_or_else(|| {
-            format!("the network {name} is not there: run `make networks`, or name the folder of its files")
-        })?;
+        let carried = networks.get(name).ok_or_else(|| NetworkError::NotThere(name.clone()))?;
         let linked = Linked::new(carried, name, self.size)?;
         self.linked = Some(Arc::new(linked));
         Ok(())
@@ -133,11 +131,11 @@ impl Lens {
 }
 
 impl Linked {
-    fn new(carried: &Arc<CarriedNetwork>, name: &str, size: Option<Size>) -> Result<Self, String> {
-        let network = carried.open(name).map_err(|error| error.to_string())?.clone();
-        let runtime = Runtime::get().map_err(|error| error.to_string())?;
+    fn new(carried: &Arc<CarriedNetwork>, name: &str, size: Option<Size>) -> Result<Self, NetworkError> {
+        let network = carried.open(name)?.clone();
+        let runtime = Runtime::get()?;
         let size = size.unwrap_or(network.description().input.size);
-        let session = network.lend(&runtime, size).map_err(|error| error.to_string())?;
+        let session = network.lend(&runtime, size)?;
         let grids = network.description().grids.keys();
         let grid_lens = grids.filter_map(|name| Some((name.clone(), session.grid_len(name)?))).collect();
         let (carried, vector_len) = (Arc::clone(carried), session.vector_len());

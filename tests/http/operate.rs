@@ -1,7 +1,7 @@
 //! What an operator sees of a running service: its log, and what becomes of SIGHUP.
 
 use crate::command::Running;
-use crate::service::{SOON, client, frame, models};
+use crate::service::{SOON, client, frame, models, success, write_model_with_network};
 use reqwest::StatusCode;
 use roomsight::server::{Key, Role};
 use serde_json::Value;
@@ -91,5 +91,29 @@ async fn a_line_of_the_log_tells_who_called_and_cannot_be_forged() {
         let n_lines = log.lines().filter(|line| line.contains("401")).count();
         assert!(n_lines < 100, "200 refusals take {n_lines} lines:\n{log}");
         assert!(!log.contains("/readyz"), "{log}");
+    }
+}
+
+#[tokio::test]
+async fn a_model_whose_onnx_runtime_is_installed_later_comes_to_serve_then() {
+    let (models, folder) = (models(), tempfile::tempdir().unwrap());
+    let what = "installing ONNX Runtime while the service runs";
+    let Some(library) = write_model_with_network(&models.path().join("lab/2"), what) else { return };
+    let named = folder.path().join("libonnxruntime.so");
+    let arguments = ["--models", models.path().to_str().unwrap(), "--onnx-runtime", named.to_str().unwrap()];
+    let running = Running::start(&[&arguments[..], &["--set", "models_poll_ms=50"]].concat());
+    let version = async || {
+        let url = format!("{}/v1/models/lab/versions/2", running.url);
+        success(client().get(url).send().await.unwrap()).await
+    };
+    let refused = version().await;
+    assert!(refused.to_string().contains("there is no ONNX Runtime at "), "{refused}");
+    // Under its name at once, as an installer does it.
+    fs::copy(library, folder.path().join("unfinished")).unwrap();
+    fs::rename(folder.path().join("unfinished"), &named).unwrap();
+    let started = Instant::now();
+    while version().await["state"] != "ready" {
+        assert!(started.elapsed() < SOON, "it was not tried again");
+        tokio::time::sleep(Duration::from_millis(50)).await;
     }
 }

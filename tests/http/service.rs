@@ -2,15 +2,20 @@
 
 use roomsight::camera::{Camera, Projection};
 use roomsight::image::{Image, Limits};
-use roomsight::model::{Config, Extractor, Model, Representation, Sample, Scratch};
+use roomsight::model::{
+    CarriedNetwork, Config, DEFAULT_NETWORK, Extractor, Model, Networks, OpinionConfig, Representation,
+    Sample, Scratch, VectorConfig,
+};
+use roomsight::network::{Runtime, Size};
 use roomsight::server::{App, Settings, serve};
 use roomsight::vocabulary;
 use serde_json::Value;
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Read, Write};
 use std::net::TcpStream;
-use std::path::Path;
-use std::sync::LazyLock;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 use tempfile::TempDir;
 use tokio::net::TcpListener;
@@ -105,16 +110,35 @@ pub fn write_other_model(folder: &Path) {
 }
 
 /// A small model.
-pub static MODEL: LazyLock<Model> = LazyLock::new(|| train(["stripes", "bars", "dots"]));
+pub static MODEL: LazyLock<Model> = LazyLock::new(|| train(&with_words(), ["stripes", "bars", "dots"]));
 /// One that gives the same rooms other names.
-pub static OTHER_MODEL: LazyLock<Model> = LazyLock::new(|| train(["x", "y", "z"]));
+pub static OTHER_MODEL: LazyLock<Model> = LazyLock::new(|| train(&with_words(), ["x", "y", "z"]));
+
+fn with_words() -> Config {
+    let bag = vocabulary::Config { n_words: 12, ..vocabulary::Config::default() };
+    Config::default().with_bag(|machines| machines.representation = Representation::Bag(bag))
+}
+
+/// Writes a model that looks through a network, and returns the library of ONNX Runtime; says that `what` is left out
+/// where `make networks` was not run.
+pub fn write_model_with_network(folder: &Path, what: &str) -> Option<PathBuf> {
+    let networks = Path::new(env!("CARGO_MANIFEST_DIR")).join("networks");
+    let library = Runtime::find(&networks).map_err(|error| eprintln!("LEFT OUT: {what}. {error}.")).ok()?;
+    Runtime::load(&library).expect("`make networks` leaves an ONNX Runtime that loads");
+    let network = CarriedNetwork::read(&networks.join(format!("{DEFAULT_NETWORK}.onnx"))).expect("a network");
+    let mut vector = VectorConfig::default();
+    vector.lens.size = Some(Size { width: 64, height: 64 });
+    let opinions = BTreeMap::from([("vector".to_owned(), OpinionConfig::Vector(vector))]);
+    let mut config = Config { opinions, ..Config::default() };
+    config.link(&Networks::from([(DEFAULT_NETWORK.to_owned(), Arc::new(network))])).expect("it runs");
+    train(&config, ["stripes", "bars", "dots"]).save(folder, &[]).expect("the model is saved");
+    Some(library)
+}
 
 /// Trains on stripes, bars and dots.
-fn train(names: [&str; 3]) -> Model {
-    let bag = vocabulary::Config { n_words: 12, ..vocabulary::Config::default() };
-    let config = Config::default().with_bag(|machines| machines.representation = Representation::Bag(bag));
+fn train(config: &Config, names: [&str; 3]) -> Model {
     let camera = Camera::new(Projection::Perspective);
-    let extractor = Extractor::new(&config, camera.clone());
+    let extractor = Extractor::new(config, camera.clone());
     let sample = |idx: u32| {
         let image = Image::decode(&room(idx % 3, idx * 7), &Limits::default()).expect("an image");
         Sample {
@@ -125,7 +149,7 @@ fn train(names: [&str; 3]) -> Model {
         }
     };
     let samples: Vec<Sample> = (0..48).map(sample).collect();
-    Model::train(&samples.iter().collect::<Vec<_>>(), &config, camera, |_| ()).expect("a model").model
+    Model::train(&samples.iter().collect::<Vec<_>>(), config, camera, |_| ()).expect("a model").model
 }
 
 /// A frame of the room stripes, bars or dots, seen from somewhere.

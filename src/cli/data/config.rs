@@ -124,7 +124,7 @@ impl ConfigArgs {
             }
             networks.insert(name, Arc::new(CarriedNetwork::read(&path)?));
         }
-        configs.into_iter().try_for_each(|config| config.link(&networks)).map_err(anyhow::Error::msg)
+        Ok(configs.into_iter().try_for_each(|config| config.link(&networks))?)
     }
 
     fn with_wanted_opinions(&self, config: Config) -> Config {

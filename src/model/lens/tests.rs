@@ -113,7 +113,7 @@ fn it_learns_more_rooms_and_forgets_them() {
 fn a_lens_without_its_network_is_refused_with_what_to_do() {
     let said = config().check().unwrap_err();
     assert!(said.contains("the network made is not there"), "{said}");
-    let said = config().link(&Networks::new()).unwrap_err();
+    let said = config().link(&Networks::new()).unwrap_err().to_string();
     assert!(said.contains("make networks"), "{said}");
     let text = toml::to_string(&config()).unwrap();
     assert_eq!(toml::from_str::<Config>(&text).unwrap(), config(), "{text}");

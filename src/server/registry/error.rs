@@ -115,7 +115,7 @@ pub struct Failure {
     pub stage: Stage,
     /// What was wrong.
     pub reason: String,
-    /// The files could not be reached: they may be at the next look.
+    /// The files could not be reached, or ONNX Runtime is missing: they may be there at the next look.
     pub may_pass: bool,
 }
 
@@ -135,8 +135,8 @@ impl From<RepositoryError> for Failure {
 
 /// Callers may read the reason: it names the file, not where it lies.
 impl From<TrialError> for Failure {
-    fn from(TrialError { stage, error: LoadError { path, reason } }: TrialError) -> Self {
+    fn from(TrialError { stage, error: LoadError { path, reason, may_pass } }: TrialError) -> Self {
         let file = path.file_name().unwrap_or_default().to_string_lossy();
-        Self::new(stage, format!("{file}: {reason}"))
+        Self { may_pass, ..Self::new(stage, format!("{file}: {reason}")) }
     }
 }

@@ -56,8 +56,8 @@ impl Version {
         version
     }
 
-    /// Looks at its files again. One that was tried in vain is tried again when they change, or where they
-    /// could not be reached.
+    /// Looks at its files again. One that was tried in vain is tried again when they change, or where the failure may
+    /// pass.
     pub fn look(&mut self, id: &str, fingerprint: &Fingerprint) {
         self.is_whole = self.fingerprint == *fingerprint;
         if self.is_whole {
