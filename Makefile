@@ -6,7 +6,7 @@ ARGS ?=
 FEATURES := --all-features
 
 # What is fuzzed, and for how long each.
-TARGETS ?= archive lists model oip pictures service settings stream
+TARGETS ?= archive lists model networks oip pictures service settings stream
 MINUTES ?= 1
 # Temporary files in memory where the system has such a place.
 FUZZ_TMP := $(firstword $(wildcard /dev/shm) /tmp)

@@ -15,6 +15,7 @@ use roomsight::model::{
     CarriedNetwork, Classifier, Config, Extractor, GoldenFrame, Model, Networks, PatternsConfig,
     Representation, Sample, Scratch,
 };
+use roomsight::network::Network;
 use roomsight::repository::package;
 use roomsight::{boost, svm, vocabulary};
 use std::fs;
@@ -28,11 +29,12 @@ struct Target {
     seeds: Vec<Vec<u8>>,
 }
 
-fn all_targets() -> [Target; 8] {
+fn all_targets() -> [Target; 9] {
     [
         Target { name: "archive", run: targets::archive, seeds: archives() },
         Target { name: "lists", run: targets::lists, seeds: lists() },
         Target { name: "model", run: targets::model, seeds: models() },
+        Target { name: "networks", run: targets::networks, seeds: networks() },
         Target { name: "oip", run: targets::oip, seeds: oip() },
         Target { name: "pictures", run: targets::pictures, seeds: pictures() },
         Target { name: "service", run: targets::service, seeds: service() },
@@ -161,6 +163,52 @@ fn lists() -> Vec<Vec<u8>> {
     let windows = "\u{feff}\"Place\";\"File\"\r\n\"k\u{fc}che\";\"a\\1.jpg\"\r\n";
     let [manifest, labels, windows] = [manifest, labels, windows].map(str::as_bytes);
     vec![joined(&[manifest, labels]), joined(&[windows, b"\xff\xfet\x001\x00"])]
+}
+
+/// A network of two operations with weights, any number of rows and names of all kinds, as its description says and
+/// with none.
+fn networks() -> Vec<Vec<u8>> {
+    let description = b"digest = \"\"\nlicense = \"none\"\norigin = \"a test\"\n[input]\nname = \"image\"\n\
+                        size = [16, 8]\nmultiple_of = 8\nlongest_side = 64\nmean = [0.5, 0.0, 0.0]\n\
+                        scale = [1.0, 1.0, 1.0]\norder = \"bgr\"\n[vector]\noutput = \"map\"\n\
+                        pooling = \"generalized_mean\"\n[grids.all]\noutput = \"map\"\n";
+    let attribute = field(5, &[field(1, b"kernel_shape"), vec![8 << 3, 1, 8 << 3, 1, 0xA0, 1, 7]].concat());
+    let operation = |operator: &[u8], inputs: &[&[u8]], output: &[u8]| {
+        let inputs: Vec<u8> = inputs.iter().flat_map(|input| field(1, input)).collect();
+        [inputs, field(2, output), field(4, operator)].concat()
+    };
+    let weights =
+        [vec![1 << 3, 3, 1 << 3, 3, 1 << 3, 1, 1 << 3, 1, 2 << 3, 1], field(8, b"filters")].concat();
+    let weights = [weights, field(9, &[0.5_f32; 9].map(f32::to_le_bytes).concat())].concat();
+    let sizes: Vec<u8> =
+        [&[8_u8, 1][..], &[8, 3], b"\x12\x04rows", &[8, 16]].iter().flat_map(|dim| field(1, dim)).collect();
+    let tensor = field(1, &[vec![1 << 3, 1], field(2, &sizes)].concat());
+    let value = |name: &str| [field(1, name.as_bytes()), field(2, &tensor)].concat();
+    let graph = |output: &str| {
+        let convolution = [operation(b"Conv", &[b"image", b"filters"], b"sums"), attribute.clone()].concat();
+        let operations =
+            [field(1, &convolution), field(1, &operation(b"Relu", &[b"sums"], output.as_bytes()))];
+        let values = [field(5, &weights), field(11, &value("image")), field(12, &value(output))];
+        [operations.concat(), values.concat()].concat()
+    };
+    let model = |output: &str| [vec![1 << 3, 8], field(7, &graph(output)), field(8, &[2 << 3, 13])].concat();
+    let strange = "Karte \"1\"\u{1}\u{301}";
+    let seeds = ["map", strange].map(|output| joined(&[description, &model(output)]));
+    for output in ["map", strange] {
+        let onnx = model(output);
+        let digest = blake3::hash(&onnx).to_hex();
+        let text = String::from_utf8_lossy(description).replace("\"\"", &format!("{digest:?}"));
+        Network::new("seed", onnx.into(), &text).unwrap();
+    }
+    seeds.to_vec()
+}
+
+/// A field of a message of Protocol Buffers that is bytes, a text or a message.
+fn field(number: u8, content: &[u8]) -> Vec<u8> {
+    let length = content.len();
+    let length =
+        if length < 128 { vec![length as u8] } else { vec![0x80 | length as u8, (length >> 7) as u8] };
+    [&[number << 3 | 2], &length[..], content].concat()
 }
 
 fn oip() -> Vec<Vec<u8>> {

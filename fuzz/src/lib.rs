@@ -13,6 +13,7 @@ use roomsight::dataset;
 use roomsight::filter::{RoomFilter, Step, Transitions, Trust};
 use roomsight::image::{Image, Limits};
 use roomsight::model::{self, Config, Model, NetworkStore, Scratch, try_model};
+use roomsight::network::{Description, Network, NetworkError};
 use roomsight::protocol::header::Header;
 use roomsight::protocol::oip::request::Inference;
 use roomsight::protocol::oip::{IndexRequest, LoadRequest};
@@ -225,6 +226,31 @@ pub fn lists(bytes: &[u8]) {
             assert!(path.starts_with(&root), "{}", path.display());
             assert!(!frame.place.is_empty());
         }
+    }
+}
+
+/// A network's description and its ONNX file, as far as they are read without ONNX Runtime. The digest is made right, so
+/// that what is behind it is read. A description that is taken is written as it was read, and the text to start from,
+/// where there is none, is TOML.
+pub fn networks(bytes: &[u8]) {
+    let [description, onnx] = parts(bytes);
+    let text = String::from_utf8_lossy(description);
+    if let Ok(description) = Description::read(&text) {
+        let written = toml::to_string(&description).expect("a description can be written");
+        assert_eq!(Description::read(&written), Ok(description));
+    }
+    if let Ok(mut table) = text.parse::<toml::Table>() {
+        let digest = blake3::hash(onnx).to_hex().to_string();
+        table.insert("digest".to_owned(), digest.clone().into());
+        if let Ok(network) = Network::new("network", onnx.into(), &table.to_string()) {
+            assert_eq!((network.onnx(), &network.description().digest), (onnx, &digest));
+        }
+    }
+    let place = TempDir::new().expect("a temporary folder");
+    let file = place.path().join("network.onnx");
+    fs::write(&file, onnx).expect("room for a small file");
+    if let Err(NetworkError::NoDescription { text, .. }) = Network::open(&file) {
+        assert!(text.parse::<toml::Table>().is_ok(), "{text}");
     }
 }
 

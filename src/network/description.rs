@@ -3,7 +3,7 @@
 
 use super::onnx::{Dim, Graph};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 
 /// The longest side of an input, where a network takes many sizes and says nothing.
@@ -202,7 +202,7 @@ impl Description {
     }
 
     /// The TOML to start from, where there is none: what the ONNX file says itself, and for the rest what most
-    /// networks take.
+    /// networks take. It has one vector, and others as comments.
     pub(super) fn to_start_from(graph: &Graph<'_>, digest: &str) -> String {
         let (name, dims) = graph.inputs.first().map_or(("image", &[][..]), |input| (input.name, &input.dims));
         let side = |idx: usize| match dims.get(idx) {
@@ -216,22 +216,42 @@ impl Description {
         };
         let mut text = format!(
             "digest = \"{digest}\"\nlicense = \"?\"\norigin = \"?\"\n\n\
-             [input]\nname = {name:?}\nsize = [{width}, {height}]\n{many}\
+             [input]\nname = {}\nsize = [{width}, {height}]\n{many}\
              # ImageNet's, of values from 0 to 255.\n\
-             mean = [123.675, 116.28, 103.53]\nscale = [0.01712475, 0.017507, 0.01742919]\norder = \"rgb\"\n"
+             mean = [123.675, 116.28, 103.53]\nscale = [0.01712475, 0.017507, 0.01742919]\norder = \"rgb\"\n",
+            quoted(name)
         );
-        for output in &graph.outputs {
+        let (mut has_vector, mut seen) = (false, BTreeSet::new());
+        for output in graph.outputs.iter().filter(|output| seen.insert(output.name)) {
             let dims: Vec<String> = output.dims.iter().map(ToString::to_string).collect();
-            let name = output.name;
+            let name = quoted(output.name);
             let table = match output.dims.len() {
-                2 => format!("[vector]\noutput = {name:?}"),
-                3 => format!("[grids.{name:?}]\noutput = {name:?}\nclass_tokens = 1"),
-                4 => format!("[grids.{name:?}]\noutput = {name:?}"),
+                2 if has_vector => format!("# [vector]\n# output = {name}"),
+                2 => format!("[vector]\noutput = {name}"),
+                3 => format!("[grids.{name}]\noutput = {name}\nclass_tokens = 1"),
+                4 => format!("[grids.{name}]\noutput = {name}"),
                 _ => continue,
             };
+            has_vector |= output.dims.len() == 2;
+            // Names of dimensions are texts of the file too, and a comment ends with its line.
+            let dims = dims.join(" x ").replace(char::is_control, "?");
             // Writing into a text cannot fail.
-            let _ = write!(text, "\n# {}\n{table}\n", dims.join(" x "));
+            let _ = write!(text, "\n# {dims}\n{table}\n");
         }
         text
     }
+}
+
+/// A text as TOML has it on one line.
+fn quoted(text: &str) -> String {
+    let mut quoted = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => quoted.extend(['\\', c]),
+            c if c.is_control() => quoted.push_str(&format!("\\u{:04x}", u32::from(c))),
+            c => quoted.push(c),
+        }
+    }
+    quoted.push('"');
+    quoted
 }

@@ -342,6 +342,27 @@ fn a_network_without_a_description_says_what_to_start_from() {
 }
 
 #[test]
+fn the_description_to_start_from_can_be_read_whatever_names_the_outputs_have() {
+    let start = |names: &[&str]| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("mine.onnx");
+        let mut model = convolution();
+        model.graph().outputs = names.iter().map(|name| value(name, &[1, 4])).collect();
+        std::fs::write(&path, model.bytes()).unwrap();
+        match Network::open(&path) {
+            Err(NetworkError::NoDescription { text, .. }) => text,
+            other => panic!("{other:?}"),
+        }
+    };
+    let two = start(&["embedding", "logits", "embedding"]);
+    assert_eq!(Description::read(&two).unwrap().vector.unwrap().output, "embedding");
+    assert_eq!(two.matches("embedding").count(), 1, "{two}");
+    assert!(two.contains("# output = \"logits\""), "{two}");
+    let strange = "of \"all\" \\ kinds\u{1}\n\u{7f}\u{301}";
+    assert_eq!(Description::read(&start(&[strange])).unwrap().vector.unwrap().output, strange);
+}
+
+#[test]
 fn descriptions_with_mistakes_say_what_is_wrong() {
     let right = described(&convolution(), EMBEDDING);
     for (from, to, expected) in [
