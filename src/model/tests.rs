@@ -148,6 +148,30 @@ fn a_frame_without_keypoints_is_answered_without_knowledge() {
 }
 
 #[test]
+fn a_memory_of_frames_without_keypoints_knows_nothing() {
+    let black = Image::from_pixels(96, 72, vec![0; 96 * 72]).unwrap();
+    let mut config = config();
+    config.opinions = BTreeMap::from([("memory".to_owned(), OpinionConfig::Memory(MemoryConfig::default()))]);
+    let full = samples(&config, 24, 1);
+    let empty = Extractor::new(&config, Camera::new(Projection::Perspective))
+        .extract(&black, &mut Scratch::default());
+    for n_empty in [0, 4] {
+        let mut samples = full.clone();
+        samples[..n_empty].iter_mut().for_each(|sample| sample.features = empty.clone());
+        let Training { model, held_out } =
+            train(&samples, &config, Camera::new(Projection::Perspective)).unwrap();
+        assert_eq!(held_out.len(), 24 - n_empty);
+        let answer = model.recognize(&black, &mut Scratch::default());
+        assert_eq!((answer.n_keypoints, answer.known), (0, false));
+        assert_eq!(answer.probabilities, [1.0 / 3.0; 3]);
+    }
+    let mut samples = full;
+    samples.iter_mut().for_each(|sample| sample.features = empty.clone());
+    let error = train(&samples, &config, Camera::new(Projection::Perspective)).unwrap_err().to_string();
+    assert!(error.contains("of the opinion memory") && error.contains("take more frames"), "{error}");
+}
+
+#[test]
 fn patterns_answer_frames_without_keypoints() {
     // Too faint for corners; told apart by the patterns.
     let smooth = |place_idx: usize, random: &mut ChaCha8Rng| {

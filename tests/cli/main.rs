@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod data;
+mod defaults;
 mod models;
 
 use serde_json::Value;
