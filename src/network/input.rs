@@ -40,7 +40,8 @@ pub enum Around {
     /// As one strip of the whole horizon.
     Strip {
         /// Columns of the input at either edge that show once more what is at the other; a quarter of all at
-        /// most. What a network says of them is not listened to.
+        /// most. Cells and keypoints there are dropped. A vector counts what they show twice: that of a panorama that was
+        /// turned is not quite the same, with a cosine of about 0.99 for EfficientNet-Lite0.
         border: u32,
     },
 }
