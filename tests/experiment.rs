@@ -23,7 +23,7 @@ const DRIVES: [(&str, &str); 10] = [
 ];
 const LABELS: [&str; 3] = ["CR-A", "PA-A", "BR-A"];
 const FRAMES_A_ROOM: usize = 20;
-const EXPERIMENTS: [&str; 12] = [
+const EXPERIMENTS: [&str; 13] = [
     "features",
     "stability",
     "keypoints",
@@ -33,6 +33,7 @@ const EXPERIMENTS: [&str; 12] = [
     "best",
     "occlusion",
     "cost",
+    "opinions",
     "dynamic",
     "geographic",
     "categorical",

@@ -97,10 +97,10 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
         let drives = Drives::new(&dataset, stride)?;
         // All are planned before the first starts: what is missing shows at once.
         let mut plans = Vec::new();
-        let opinions = all_opinions(&args.config.candidates(&dataset)?).unwrap_or_else(|| config.clone());
-        let opinions = if args.quick { quick(opinions) } else { opinions };
+        let opinions =
+            experiments.contains(&Experiment::Opinions).then(|| args.opinions(&dataset)).transpose()?;
         for experiment in experiments {
-            let base = if experiment == Experiment::Opinions { &opinions } else { &config };
+            let base = opinions.as_ref().filter(|_| experiment == Experiment::Opinions).unwrap_or(&config);
             match experiment.plan(&drives, base) {
                 Ok(plan) => plans.push(plan),
                 Err(error) if args.name == Selection::All => say!("left out: {error}")?,
@@ -128,6 +128,14 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
     write(&args.report.join("report.html"), &report.to_html(&drives))?;
     say!("\n{} is ready; report.json beside it.", args.report.join("report.html").display())?;
     Ok(())
+}
+
+impl ExperimentArgs {
+    /// A configuration of all opinions that are measured alone and together: those configured, or else those of the effort.
+    fn opinions(&self, dataset: &Dataset) -> anyhow::Result<Config> {
+        let opinions = all_opinions(&self.config.candidates(dataset)?).context("there is no opinion")?;
+        Ok(if self.quick { quick(opinions) } else { opinions })
+    }
 }
 
 fn write(path: &Path, text: &str) -> anyhow::Result<()> {
