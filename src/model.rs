@@ -54,6 +54,7 @@ pub use trial::{Stage, TrialError, TriedModel, try_model};
 use crate::camera::Camera;
 use crate::filter::Transitions;
 use crate::image::{Image, ImageError, Limits};
+use crate::network::NetworkError;
 use crate::svm::most_probable;
 use held_out::HeldOutFrames;
 use learned::LearnedFrames;
@@ -203,9 +204,11 @@ impl Model {
         &self.extractor
     }
 
-    /// Makes it ready to see on so many threads at once, so that none has to wait on its first frame. The error says
-    /// which network cannot be had so often, and why.
-    pub fn prepare(&self, n_threads: usize) -> Result<(), String> {
+    /// Makes it ready to see on so many threads at once, so that none has to wait on its first frame.
+    ///
+    /// # Errors
+    /// A network that cannot be had so often.
+    pub fn prepare(&self, n_threads: usize) -> Result<(), NetworkError> {
         self.extractor.prepare(n_threads)
     }
 

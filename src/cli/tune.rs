@@ -164,7 +164,11 @@ impl Tuner<'_> {
         let first = self.tried.len();
         for trial in trials {
             self.bar.set_message(trial.name());
-            let tried = self.measure(trial)?;
+            let before = self.tried.iter().find(|tried| tried.trial.config == trial.config).cloned();
+            let tried = match before {
+                Some(before) => Tried { trial, ..before },
+                None => self.measure(trial)?,
+            };
             self.tried.push(tried);
             self.bar.inc(1);
         }

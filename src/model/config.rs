@@ -243,7 +243,7 @@ impl Config {
     }
 
     /// The networks that it was linked to.
-    pub(super) fn networks(&self) -> Networks {
+    pub fn networks(&self) -> Networks {
         let sights = self.sights();
         let lenses = sights.iter().filter_map(Sight::lens);
         lenses.filter_map(|lens| Some((lens.network.clone(), Arc::clone(lens.carried()?)))).collect()

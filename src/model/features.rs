@@ -8,7 +8,7 @@ use crate::describe::{Descriptor, FrameLbp, Sections};
 use crate::detect::{Detector, Keypoint};
 use crate::image::{Image, ImageError, Limits, Region};
 use crate::matrix::Matrix;
-use crate::network::XFeat;
+use crate::network::{NetworkError, XFeat};
 use crate::plane::ScaleSpace;
 use std::sync::Arc;
 
@@ -137,7 +137,7 @@ impl Extractor {
     }
 
     /// Makes all networks ready for so many threads at once.
-    pub(super) fn prepare(&self, n_threads: usize) -> Result<(), String> {
+    pub(super) fn prepare(&self, n_threads: usize) -> Result<(), NetworkError> {
         let mut lenses = self.0.sights.iter().filter_map(Sight::lens);
         lenses.try_for_each(|lens| lens.prepare(n_threads))
     }

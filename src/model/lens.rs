@@ -112,11 +112,10 @@ impl Lens {
             && (!is_around || self.around == other.around)
     }
 
-    /// Makes it ready for so many threads at once, so that none has to wait on its first frame. The error says what is
-    /// wrong with the network.
-    pub(super) fn prepare(&self, n_threads: usize) -> Result<(), String> {
+    /// Makes it ready for so many threads at once, so that none has to wait on its first frame.
+    pub(super) fn prepare(&self, n_threads: usize) -> Result<(), NetworkError> {
         let Some(Linked { network, runtime, size, .. }) = self.linked.as_deref() else { return Ok(()) };
-        network.prepare(runtime, *size, n_threads).map_err(|error| error.to_string())
+        network.prepare(runtime, *size, n_threads)
     }
 
     /// Runs the network on a frame; `None` where it is not linked or cannot run.

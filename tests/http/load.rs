@@ -29,7 +29,7 @@ pub async fn one_thread(queue: usize) -> Server {
 }
 
 /// Fills all slots of a service with frames that take long enough to look at what happens then.
-async fn fill(server: &Server, n_slots: usize) -> Vec<JoinHandle<reqwest::Result<reqwest::Response>>> {
+pub async fn fill(server: &Server, n_slots: usize) -> Vec<JoinHandle<reqwest::Result<reqwest::Response>>> {
     let callers: Vec<_> =
         (0..n_slots).map(|_| tokio::spawn(server.post("/v1/recognize", very_slow_frame()).send())).collect();
     // An empty body takes no slot, but is refused for want of one before it is found to be empty.

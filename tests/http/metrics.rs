@@ -1,6 +1,6 @@
 //! What `GET /metrics` tells after known traffic, and that no caller can add to its series.
 
-use crate::load::{one_thread, slow_frame, very_slow_frame};
+use crate::load::{fill, one_thread, slow_frame, very_slow_frame};
 use crate::robot::{Robot, seq_of};
 use crate::service::{FORM, SOON, Server, client, form, frame, models, problem, room, success, write_model};
 use roomsight::protocol::stream::{Configure, DropReason, ServerMessage};
@@ -167,13 +167,16 @@ async fn a_full_queue_shows_and_so_does_a_caller_that_left_it() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_service_that_stops_says_so() {
-    let mut server = one_thread(0).await;
-    let working = tokio::spawn(server.post("/v1/recognize", very_slow_frame()).send());
+    // A single frame could be done before the service is looked at.
+    let mut server = one_thread(5).await;
+    let working = fill(&server, 6).await;
     let scrape = scrape_until(&server, |scrape| scrape.value("roomsight_threads_busy") == 1.0).await;
     assert_eq!(scrape.value("roomsight_draining"), 0.0);
     server.stop();
     scrape_until(&server, |scrape| scrape.value("roomsight_draining") == 1.0).await;
-    success(working.await.unwrap().unwrap()).await;
+    for answer in working {
+        success(answer.await.unwrap().unwrap()).await;
+    }
 }
 
 #[tokio::test]

@@ -3,6 +3,7 @@
 use crate::command::Running;
 use crate::service::{SOON, client, frame, models, success, write_model_with_network};
 use reqwest::StatusCode;
+use roomsight::model::DEFAULT_NETWORK;
 use roomsight::server::{Key, Role};
 use serde_json::Value;
 use std::fs;
@@ -95,7 +96,7 @@ async fn a_line_of_the_log_tells_who_called_and_cannot_be_forged() {
 }
 
 #[tokio::test]
-async fn a_model_whose_onnx_runtime_is_installed_later_comes_to_serve_then() {
+async fn a_model_whose_onnx_runtime_is_installed_later_comes_to_serve_then_and_tells_its_networks() {
     let (models, folder) = (models(), tempfile::tempdir().unwrap());
     let what = "installing ONNX Runtime while the service runs";
     let Some(library) = write_model_with_network(&models.path().join("lab/2"), what) else { return };
@@ -127,4 +128,9 @@ async fn a_model_whose_onnx_runtime_is_installed_later_comes_to_serve_then() {
     fs::copy(library, folder.path().join("unfinished")).unwrap();
     fs::rename(folder.path().join("unfinished"), &named).unwrap();
     until(&|version| version["state"] == "ready").await;
+    let network = &version().await["networks"][0];
+    assert_eq!(network["name"], DEFAULT_NETWORK);
+    let onnx = format!("networks/{}.onnx", network["blake3"].as_str().unwrap());
+    let n_bytes = fs::metadata(models.path().join("lab/2").join(onnx)).unwrap().len();
+    assert_eq!(network["bytes"], n_bytes);
 }

@@ -93,7 +93,7 @@ impl ConfigArgs {
         candidates.retain(|candidate| !candidate.config.opinions.is_empty());
         candidates.dedup_by(|later, earlier| later.config == earlier.config);
         let configs = candidates.iter_mut().map(|candidate| &mut candidate.config);
-        self.link(configs)?;
+        self.link(configs, Networks::new())?;
         if candidates.is_empty() {
             bail!("no candidate has an opinion called {}: see --help", self.opinions.join(" or "));
         }
@@ -104,16 +104,23 @@ impl ConfigArgs {
         self.networks.join(format!("{network}.onnx"))
     }
 
-    /// Gives configurations the networks that they name, each opened once.
-    fn link<'c>(&self, configs: impl Iterator<Item = &'c mut Config>) -> anyhow::Result<()> {
+    /// Gives configurations the networks that they name: those of `networks`, and others from their files, each opened
+    /// once.
+    fn link<'c>(
+        &self,
+        configs: impl Iterator<Item = &'c mut Config>,
+        mut networks: Networks,
+    ) -> anyhow::Result<()> {
         let configs: Vec<&mut Config> = configs.collect();
         let names: BTreeSet<String> = configs.iter().flat_map(|config| config.network_names()).collect();
         if names.is_empty() {
             return Ok(());
         }
         Runtime::look_into(self.networks.clone());
-        let mut networks = Networks::new();
         for name in names {
+            if networks.contains_key(&name) {
+                continue;
+            }
             let path = self.onnx_path(&name);
             if !path.is_file() {
                 bail!(
@@ -149,17 +156,17 @@ impl ConfigArgs {
         if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
             bail!("the configuration has no opinion called {name}");
         }
-        self.completed(config)
+        self.completed(config, Networks::new())
     }
 
     /// A configuration changed by these parameters.
     pub(in crate::cli) fn with(&self, config: &Config, parameters: &[String]) -> anyhow::Result<Config> {
-        self.completed(changed(toml::Table::try_from(config)?, parameters)?)
+        self.completed(changed(toml::Table::try_from(config)?, parameters)?, config.networks())
     }
 
-    /// A configuration with its networks, if it makes sense.
-    fn completed(&self, mut config: Config) -> anyhow::Result<Config> {
-        self.link(std::iter::once(&mut config))?;
+    /// A configuration with its networks, of which some are open already, if it makes sense.
+    fn completed(&self, mut config: Config, networks: Networks) -> anyhow::Result<Config> {
+        self.link(std::iter::once(&mut config), networks)?;
         config.check().map_err(anyhow::Error::msg)?;
         Ok(config)
     }

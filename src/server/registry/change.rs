@@ -145,7 +145,7 @@ impl Registry {
     pub fn publish(&self, id: &VersionId, staged: TempDir) -> Result<(), ChangeError> {
         self.repository.complete(staged.path())?;
         let loading = lock(&self.loading);
-        self.aside(|| try_folder(staged.path(), &self.networks, |_| ()))?;
+        self.aside_of_frames(|| try_folder(staged.path(), &self.networks, |_| ()))?;
         drop(loading);
         Ok(self.repository.publish(id, staged)?)
     }
@@ -254,20 +254,21 @@ impl Registry {
         let load = |folder: PathBuf| {
             let loaded = try_folder(&folder, &self.networks, try_at)?;
             let prepared = loaded.model.prepare(self.n_threads);
-            prepared.map_err(|reason| Failure::new(Stage::Warming, reason))?;
+            prepared.map_err(|error| Failure::new(Stage::Warming, error.to_string()))?;
             Ok(loaded)
         };
-        let tried = folder.and_then(|folder| self.aside(|| load(folder))).inspect_err(|failure| {
-            tracing::error!(version = %id, %failure, "does not serve");
-            self.enter(&id, State::Failed(failure.clone()));
-        })?;
+        let tried =
+            folder.and_then(|folder| self.aside_of_frames(|| load(folder))).inspect_err(|failure| {
+                tracing::error!(version = %id, %failure, "does not serve");
+                self.enter(&id, State::Failed(failure.clone()));
+            })?;
         self.enter(&id, State::Ready(tried.clone()));
         Ok(tried)
     }
 
     /// Does the work on models that are read and tried; where frames may come, on a thread that stands aside for them.
     /// Whoever calls this holds `loading`.
-    fn aside<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+    fn aside_of_frames<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         if self.is_open.load(Ordering::Relaxed) { aside(work) } else { work() }
     }
 
