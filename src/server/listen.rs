@@ -8,6 +8,7 @@ use super::watch::watch;
 use super::write_timeout::WriteTimeout;
 use super::{App, tls};
 use hyper::body::Incoming;
+use hyper::header::{CONNECTION, HeaderValue};
 use hyper::server::conn::http1;
 use hyper::service::{Service, service_fn};
 use hyper::{Request, StatusCode};
@@ -32,6 +33,9 @@ use tokio_util::either::Either;
 const MAX_BUFFER_BYTES: usize = 64 << 10;
 /// How long to wait after `accept` failed, most likely for want of file descriptors.
 const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
+/// How long a connection without a request is kept when the service stops: a request that is on its way
+/// then is answered.
+const STOP_PAUSE: Duration = Duration::from_millis(200);
 
 /// The address that a connection comes from; every request carries it as an extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -170,7 +174,7 @@ impl Acceptor {
                         () = line.gives_way() => {
                             return tracing::debug!(peer = %peer.0, "a handshake gave way to another connection");
                         }
-                        () = stop(stopped.clone()), if life == Life::UntilStop => return,
+                        () = paused(stopped.clone()), if life == Life::UntilStop => return,
                     };
                     match shaken {
                         Ok(stream) => Either::Right(stream),
@@ -181,12 +185,12 @@ impl Acceptor {
                 }
             };
             let stream = WriteTimeout::new(stream, write_timeout);
-            let service = service(router, peer, line.clone(), stream.switch());
+            let service = service(router, peer, line.clone(), stream.switch(), stopped.clone());
             let stream = TokioIo::new(Misread::new(stream, app.clone(), peer));
             let mut connection = pin!(http.serve_connection(stream, service).with_upgrades());
             let result = tokio::select! {
                 result = connection.as_mut() => result,
-                () = stop(stopped), if life == Life::UntilStop => {
+                () = paused(stopped), if life == Life::UntilStop => {
                     connection.as_mut().graceful_shutdown();
                     connection.await
                 }
@@ -207,33 +211,38 @@ impl Acceptor {
 }
 
 /// What answers the requests of one connection. `no_write_timeout` is set when it becomes a stream.
+/// An answer that is given after the stop is the connection's last.
 fn service(
     router: TowerToHyperService<axum::Router>,
     peer: Peer,
     line: Arc<Line>,
     no_write_timeout: Arc<AtomicBool>,
+    stopped: watch::Receiver<bool>,
 ) -> impl Service<Request<Incoming>, Response = axum::response::Response, Error = Infallible, Future: Send> {
     service_fn(move |mut request: Request<Incoming>| {
         request.extensions_mut().insert(peer);
         request.extensions_mut().insert(line.clone());
         let works = line.works();
         let answer = router.call(request);
-        let no_write_timeout = no_write_timeout.clone();
+        let (no_write_timeout, stopped) = (no_write_timeout.clone(), stopped.clone());
         async move {
             let _works = works;
-            let answer = answer.await?;
+            let mut answer = answer.await?;
             if answer.status() == StatusCode::SWITCHING_PROTOCOLS {
                 // A stream has a time-out of its own.
                 no_write_timeout.store(true, Ordering::Relaxed);
+            } else if *stopped.borrow() {
+                answer.headers_mut().insert(CONNECTION, HeaderValue::from_static("close"));
             }
             Ok::<_, Infallible>(answer)
         }
     })
 }
 
-/// Ready when the service stops, or its `serve` is gone.
-async fn stop(mut stopped: watch::Receiver<bool>) {
+/// Ready [`STOP_PAUSE`] after the service stops, or its `serve` is gone.
+async fn paused(mut stopped: watch::Receiver<bool>) {
     let _ = stopped.wait_for(|stopped| *stopped).await;
+    tokio::time::sleep(STOP_PAUSE).await;
 }
 
 /// Ready when all connections are done, and the streams that some of them became.

@@ -3,7 +3,7 @@
 use crate::service::{CONTINUE, SOON, Server, frame, problem, read_exactly, read_raw, success};
 use image::{GrayImage, ImageFormat};
 use roomsight::server::Settings;
-use std::io::Cursor;
+use std::io::{Cursor, Write};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 use tokio::task::{JoinHandle, JoinSet};
@@ -193,9 +193,8 @@ async fn a_stop_answers_what_was_accepted_and_refuses_the_rest() {
     read_exactly(&mut unfinished, CONTINUE);
     let accepted = fill(&server, 4).await;
     server.stop();
-    // A connection that has asked nothing when the stop comes is closed.
-    let not_told = async || server.get("/readyz").send().await.is_ok_and(|answer| answer.status() != 200);
-    timeout(SOON, async { while !not_told().await {} }).await.unwrap();
+    let ready = async || server.get("/readyz").send().await.unwrap().status() == 200;
+    timeout(SOON, async { while ready().await {} }).await.unwrap();
     problem(server.get("/readyz").send().await.unwrap(), 503, "draining").await;
     problem(server.post("/v1/recognize", frame()).send().await.unwrap(), 503, "draining").await;
     let upload = server.put("/v1/models/lab/versions/2", "a model").send().await.unwrap();
@@ -205,6 +204,24 @@ async fn a_stop_answers_what_was_accepted_and_refuses_the_rest() {
         success(response.await.unwrap().unwrap()).await;
     }
     drop(unfinished);
+    timeout(SOON, server.stopped()).await.expect("it ends when all are answered");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_request_on_its_way_when_the_service_stops_is_answered_as_the_last_of_its_connection() {
+    const LIVEZ: &[u8] = b"GET /livez HTTP/1.1\r\nhost: localhost\r\n\r\n";
+    let mut server = Server::start(Settings::default()).await;
+    let mut fresh = server.send_raw(b"");
+    let mut kept = server.send_raw(LIVEZ);
+    let answer = read_raw(kept.try_clone().unwrap()).await;
+    assert!(!answer.contains("connection: close"), "{answer}");
+    server.stop();
+    sleep(Duration::from_millis(20)).await;
+    for connection in [&mut fresh, &mut kept] {
+        connection.write_all(LIVEZ).unwrap();
+        let answer = read_raw(connection.try_clone().unwrap()).await;
+        assert!(answer.starts_with("HTTP/1.1 200 ") && answer.contains("connection: close"), "{answer}");
+    }
     timeout(SOON, server.stopped()).await.expect("it ends when all are answered");
 }
 
