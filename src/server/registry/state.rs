@@ -6,10 +6,13 @@ use crate::protocol::rest::{StateChange, VersionState};
 use crate::repository::Fingerprint;
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
-use std::time::SystemTime;
+use std::time::{Duration, Instant, SystemTime};
 
 /// The last states that are kept of a version.
 const N_KEPT: usize = 16;
+
+/// The longest that a version waits to be tried again whose failure may pass.
+const MAX_RETRY_PAUSE: Duration = Duration::from_secs(60);
 
 /// One version of a model.
 #[derive(Clone, Debug)]
@@ -20,6 +23,10 @@ pub struct Version {
     is_whole: bool,
     state: State,
     history: VecDeque<(VersionState, SystemTime)>,
+    /// How often in a row it failed so that it may pass.
+    n_failures: u32,
+    /// When it came to be what it is.
+    entered_at: Instant,
 }
 
 /// What is true of a version.
@@ -51,22 +58,31 @@ pub struct Loaded {
 impl Version {
     /// A version that was just found. What is there when the service starts is taken for whole.
     pub fn new(fingerprint: Fingerprint, is_whole: bool) -> Self {
-        let mut version = Self { fingerprint, is_whole, state: State::Discovered, history: VecDeque::new() };
+        let mut version = Self {
+            fingerprint,
+            is_whole,
+            state: State::Discovered,
+            history: VecDeque::new(),
+            n_failures: 0,
+            entered_at: Instant::now(),
+        };
         version.enter(State::Discovered);
         version
     }
 
     /// Looks at its files again. One that was tried in vain is tried again when they change, or where the failure may
-    /// pass.
+    /// pass: at the next look, then after pauses that double.
     pub fn look(&mut self, id: &str, fingerprint: &Fingerprint) {
         self.is_whole = self.fingerprint == *fingerprint;
         if self.is_whole {
-            if self.failure().is_some_and(|failure| failure.may_pass) {
+            let is_due = || self.entered_at.elapsed() >= retry_pause(self.n_failures);
+            if self.failure().is_some_and(|failure| failure.may_pass) && is_due() {
                 self.enter(State::Discovered);
             }
             return;
         }
         self.fingerprint = fingerprint.clone();
+        self.n_failures = 0;
         if self.failure().is_some() {
             self.enter(State::Discovered);
         } else if self.loaded().is_some() {
@@ -101,7 +117,13 @@ impl Version {
             self.history.pop_front();
         }
         self.history.push_back((state.name(), SystemTime::now()));
+        match &state {
+            State::Failed(failure) if failure.may_pass => self.n_failures += 1,
+            State::Failed(_) | State::Ready(_) => self.n_failures = 0,
+            _ => {}
+        }
         self.state = state;
+        self.entered_at = Instant::now();
     }
 
     /// Takes the model out of use: it is in memory until the last frame that it works on is done.
@@ -144,6 +166,14 @@ impl Version {
     }
 }
 
+/// How long a version waits that failed so often in a row.
+fn retry_pause(n_failures: u32) -> Duration {
+    match n_failures {
+        0 | 1 => Duration::ZERO,
+        _ => MAX_RETRY_PAUSE.min(Duration::from_secs(1 << (n_failures - 1).min(10))),
+    }
+}
+
 impl State {
     /// As callers know it.
     pub fn name(&self) -> VersionState {
@@ -157,5 +187,26 @@ impl State {
             Self::Unloaded => VersionState::Unloaded,
             Self::Failed(_) => VersionState::Failed,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_failure_that_does_not_pass_is_tried_ever_more_rarely() {
+        let fingerprint = Fingerprint(String::new());
+        let mut version = Version::new(fingerprint.clone(), true);
+        let mut fail_and_look = |fingerprint: &Fingerprint| {
+            version.enter(State::Failed(Failure {
+                may_pass: true,
+                ..Failure::new(Stage::Loading, String::new())
+            }));
+            version.look("lab/1", fingerprint);
+            version.state().name()
+        };
+        let states = [(); 3].map(|()| fail_and_look(&fingerprint));
+        assert_eq!(states, [VersionState::Discovered, VersionState::Failed, VersionState::Failed]);
     }
 }
