@@ -4,8 +4,10 @@
 //! stood. Lu et al. find nearly all errors there, so every rate is also given without such frames.
 
 mod changes;
+mod knowledge;
 
 pub use changes::{Changes, Lateness, N_HELD, StreamAnswer};
+pub use knowledge::{Bin, Knowledge, N_BINS, Trusted};
 
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};

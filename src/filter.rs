@@ -8,6 +8,9 @@
 //! machine has a sigmoid of its own, it takes over how often its room was held out: after unbalanced training
 //! frames the filter believes a little too much in the rooms that had many.
 //!
+//! Beside the rooms it holds a belief that the robot is elsewhere, in a place that was never trained: a chain of two states,
+//! among the rooms and elsewhere, whose observations are the frames' novelties.
+//!
 //! One departure: a frame's probabilities are raised to a power, its [`Trust`]. Neighboring frames are
 //! nearly the same picture and are wrong together, which asks for less than 1; calibrated probabilities are
 //! cautious, which asks for more.
@@ -23,17 +26,43 @@ use crate::svm::most_probable;
 /// What a frame says at least for every room, so that no frame rules one out for good.
 const MIN_PROBABILITY: f32 = 1e-6;
 
+/// How long a robot stays among the rooms before it is carried elsewhere, on average, in seconds.
+const SECONDS_AMONG_ROOMS: f64 = 600.0;
+
+/// How long it stays elsewhere, in seconds.
+const SECONDS_ELSEWHERE: f64 = 60.0;
+
+/// How sure a single frame is at most that it shows a new place, or none.
+const MAX_NOVELTY: f64 = 0.98;
+
+/// A robot whose frames nobody has seen may as well be elsewhere.
+const FIRST_NOVELTY: f64 = 0.5;
+
+/// A room that is believed in less is not known.
+const LEAST_KNOWN: f32 = 0.9;
+
+/// What a frame says of where a robot is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Observation<'a> {
+    /// One probability a room; equal ones say nothing. Empty where nothing could be seen: then only time passes.
+    pub probabilities: &'a [f32],
+    /// The probability of a place that was never trained, from 0 to 1, where that can be told.
+    pub novelty: Option<f32>,
+}
+
 /// The belief about where one robot is. It starts without any: all rooms alike.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RoomFilter {
     belief: Vec<f32>,
+    /// The probability that it is in none of the rooms, once a frame has told a novelty.
+    elsewhere: Option<f32>,
     trust: Trust,
 }
 
 impl RoomFilter {
     /// For a model of `n_places` rooms, at least 1.
     pub fn new(n_places: usize, trust: Trust) -> Self {
-        Self { belief: vec![1.0 / n_places as f32; n_places], trust }
+        Self { belief: vec![1.0 / n_places as f32; n_places], elsewhere: None, trust }
     }
 
     /// One probability a room, summing to 1: what the frames up to now say together.
@@ -46,25 +75,53 @@ impl RoomFilter {
         most_probable(&self.belief)
     }
 
-    /// Takes in a frame, `elapsed` seconds after the one before (0 for the first), whose rooms have these
-    /// `probabilities`, and returns the new belief. Equal probabilities, as of a frame in which nothing was seen,
-    /// say nothing: only time passes. An `elapsed` that is negative or no number counts as 0.
+    /// The probability that the robot is in none of the rooms, from 0 to 1, where frames can tell.
+    pub fn novelty(&self) -> Option<f32> {
+        self.elsewhere
+    }
+
+    /// Whether the frames up to now say clearly that it is in the most probable room.
+    pub fn is_known(&self) -> bool {
+        (1.0 - self.elsewhere.unwrap_or_default()) * self.belief[self.place_idx()] >= LEAST_KNOWN
+    }
+
+    /// Takes in a frame, `elapsed` seconds after the one before (0 for the first), and returns the new belief about the
+    /// rooms. An `elapsed` that is negative or no number counts as 0.
     ///
     /// Panics when the filter, the transitions and the frame are not of the same number of rooms.
-    pub fn update(&mut self, transitions: &Transitions, elapsed: f64, probabilities: &[f32]) -> &[f32] {
-        assert_eq!(probabilities.len(), self.belief.len(), "probabilities of other rooms");
+    pub fn update(&mut self, transitions: &Transitions, elapsed: f64, frame: Observation) -> &[f32] {
         let mut weights = transitions.predict(&self.belief, elapsed);
-        for (weight, probability) in weights.iter_mut().zip(probabilities) {
-            // What is no number becomes the least, as the maximum is the other number.
-            let probability = f64::from(probability.clamp(0.0, 1.0).max(MIN_PROBABILITY));
-            *weight *= probability.powf(self.trust.exponent());
+        if !frame.probabilities.is_empty() {
+            assert_eq!(frame.probabilities.len(), self.belief.len(), "probabilities of other rooms");
+            for (weight, probability) in weights.iter_mut().zip(frame.probabilities) {
+                // What is no number becomes the least, as the maximum is the other number.
+                let probability = f64::from(probability.clamp(0.0, 1.0).max(MIN_PROBABILITY));
+                *weight *= probability.powf(self.trust.exponent());
+            }
         }
         let sum: f64 = weights.iter().sum();
         for (belief, weight) in self.belief.iter_mut().zip(weights) {
             *belief = (weight / sum) as f32;
         }
+        if self.elsewhere.is_some() || frame.novelty.is_some() {
+            let before = self.elsewhere.map_or(FIRST_NOVELTY, f64::from);
+            self.elsewhere = Some(elsewhere(before, elapsed, frame.novelty) as f32);
+        }
         &self.belief
     }
+}
+
+/// The probability that a robot is elsewhere, `elapsed` seconds after it was with the probability `before`, and where a
+/// frame says so.
+fn elsewhere(before: f64, elapsed: f64, novelty: Option<f32>) -> f64 {
+    let elapsed = if elapsed > 0.0 { elapsed } else { 0.0 };
+    let leaves = 1.0 - (-elapsed / SECONDS_AMONG_ROOMS).exp();
+    let returns = 1.0 - (-elapsed / SECONDS_ELSEWHERE).exp();
+    let predicted = before * (1.0 - returns) + (1.0 - before) * leaves;
+    let Some(novelty) = novelty.filter(|novelty| novelty.is_finite()) else { return predicted };
+    let novelty = f64::from(novelty).clamp(1.0 - MAX_NOVELTY, MAX_NOVELTY);
+    let (is_new, is_not) = (predicted * novelty, (1.0 - predicted) * (1.0 - novelty));
+    is_new / (is_new + is_not)
 }
 
 #[cfg(test)]

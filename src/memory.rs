@@ -65,7 +65,7 @@ pub struct Config {
 
 impl Default for Config {
     fn default() -> Self {
-        Self { n_dimensions: 32, n_neighbors: 10, n_lists: 4096, n_visited: 16, max_descriptors: 2_000_000 }
+        Self { n_dimensions: 32, n_neighbors: 10, n_lists: 4096, n_visited: 8, max_descriptors: 2_000_000 }
     }
 }
 

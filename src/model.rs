@@ -18,9 +18,13 @@ mod folder;
 mod format;
 mod golden;
 mod held_out;
+mod known;
 mod learned;
+mod left_out;
 mod lens;
+mod logit;
 mod networks;
+mod novelty;
 mod opinion;
 mod pool;
 mod sight;
@@ -52,31 +56,77 @@ pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
 pub use trial::{Stage, TrialError, TriedModel, try_model};
 
 use crate::camera::Camera;
-use crate::filter::Transitions;
-use crate::image::{Image, ImageError, Limits};
+use crate::filter::{Observation, Transitions};
+use crate::image::{Flaw, Image, ImageError, Limits};
 use crate::network::NetworkError;
 use crate::svm::most_probable;
 use held_out::HeldOutFrames;
+use known::Known;
 use learned::LearnedFrames;
-use opinion::{Clue, Likeness, Opinion};
-use pool::{doubted, pooled};
+use novelty::Novelty;
+use opinion::{Clue, Likeness, Opinion, Said};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::fmt;
 
 /// The answer for one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recognition {
     /// Index into [`Model::places`] of the most probable room, the first of equal ones.
     pub place_idx: usize,
-    /// Whether held-out frames answered at least as confidently were mostly right; never where nothing was
-    /// seen: no keypoint, and no cue to be asked.
+    /// Whether a robot may act on it: frames that were held out, and answered at least as surely and to frames no newer,
+    /// were right as often as [`CalibrationConfig::known_precision`] promises.
     pub known: bool,
+    /// How probable it is that the frame shows a place that was never trained, from 0 to 1, as if every other frame did.
+    /// `None` of models that cannot tell.
+    pub novelty: Option<f32>,
+    /// Why it is not known; `None` where it is.
+    pub unknown: Option<Unknown>,
     /// One probability a room, in the order of [`Model::places`]; they sum to 1.
     pub probabilities: Vec<f32>,
     /// The number of keypoints the answer rests on.
     pub n_keypoints: usize,
 }
 
+/// Why an answer is not known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Unknown {
+    /// No room is probable enough.
+    Unsure,
+    /// It looks like no place that was trained.
+    NewPlace,
+    /// There is nothing to see in it.
+    NoDetail,
+    /// It is too dark to see anything.
+    Dark,
+    /// Something is before the lens.
+    Covered,
+}
+
+impl fmt::Display for Unknown {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Unsure => "unsure",
+            Self::NewPlace => "new place",
+            Self::NoDetail => "nothing to see",
+            Self::Dark => "too dark",
+            Self::Covered => "lens covered",
+        })
+    }
+}
+
 impl Recognition {
+    /// What it tells a filter.
+    pub fn observation(&self) -> Observation<'_> {
+        match self.unknown {
+            Some(Unknown::NoDetail | Unknown::Dark | Unknown::Covered) => {
+                Observation { probabilities: &[], novelty: None }
+            }
+            _ => Observation { probabilities: &self.probabilities, novelty: self.novelty },
+        }
+    }
+
     /// The probability of the room that was answered.
     pub fn probability(&self) -> f32 {
         self.probabilities[self.place_idx]
@@ -112,6 +162,8 @@ pub struct Model {
     learned: LearnedFrames,
     /// What the calibration rests on; nothing in files that do not say.
     held_out: HeldOutFrames,
+    /// Frames of rooms that were left out, on which rests what tells new places; nothing in files that do not say.
+    left_out: HeldOutFrames,
     networks: Networks,
     card: Card,
 }
@@ -124,8 +176,10 @@ struct Classification {
     opinions: Vec<Opinion>,
     /// The share of frames that show what was never seen, of which no room is more probable.
     doubt: f64,
-    /// Answers of at least this probability are known; none are where there is none.
-    known_probability: Option<f32>,
+    /// Tells frames of places that were never trained; not in files of before.
+    novelty: Option<Novelty>,
+    /// Which answers are known; none are where there is none.
+    known: Option<Known>,
 }
 
 impl Model {
@@ -196,7 +250,13 @@ impl Model {
     /// From which probability on an answer is known; `None` when none ever is, since held-out answers were
     /// wrong too often at any.
     pub fn known_probability(&self) -> Option<f32> {
-        self.classification.known_probability
+        self.classification.known.map(|known| known.least_probability)
+    }
+
+    /// Up to which novelty an answer is known; `None` when none ever is, or the model cannot tell.
+    pub fn known_novelty(&self) -> Option<f32> {
+        self.classification.novelty.as_ref()?;
+        self.classification.known.map(|known| known.most_novelty)
     }
 
     /// What sees in frames what its opinions look at.
@@ -234,7 +294,7 @@ impl Model {
 
     /// Counts words and weighs them: the second half of [`Model::recognize`].
     pub fn classify(&self, features: &Features) -> Recognition {
-        self.classification.classify(features)
+        self.classification.classify(&self.config, features)
     }
 
     /// What spoke for and against a room, the strongest first: of each opinion that can tell, in units of its own
@@ -264,18 +324,24 @@ impl Model {
 }
 
 impl Classification {
-    fn classify(&self, features: &Features) -> Recognition {
-        let n_keypoints = features.n_keypoints();
-        let probabilities = pooled(self.opinions.iter().filter_map(|opinion| opinion.vote(features)));
-        let probabilities = doubted(probabilities, self.doubt);
-        if probabilities.is_empty() {
+    fn classify(&self, config: &Config, features: &Features) -> Recognition {
+        let said: Vec<Option<Said>> = self.opinions.iter().map(|opinion| opinion.answer(features)).collect();
+        let by_opinion = self.opinions.iter().zip(&said);
+        let by_opinion: Vec<Option<Vec<f32>>> = by_opinion
+            .map(|(opinion, said)| Some(opinion.calibration.probabilities(&said.as_ref()?.values)))
+            .collect();
+        let weights: Vec<f64> = self.opinions.iter().map(|opinion| opinion.weight).collect();
+        let Some(probabilities) = pool::answer(&by_opinion, &weights, self.doubt) else {
             // Nothing was seen: no room is more probable than another.
             let probabilities = vec![1.0 / self.n_places as f32; self.n_places];
-            return Recognition { place_idx: 0, known: false, probabilities, n_keypoints };
-        }
-        let place_idx = most_probable(&probabilities);
-        let known = is_known(probabilities[place_idx], self.known_probability);
-        Recognition { place_idx, known, probabilities, n_keypoints }
+            let novelty = self.novelty.as_ref().map(|_| 1.0);
+            return Recognition::new(probabilities, novelty, None, features);
+        };
+        let novelty = self
+            .novelty
+            .as_ref()
+            .map(|novelty| novelty.of(&novelty::signs_of(config, &said, &by_opinion, &probabilities)));
+        Recognition::new(probabilities, novelty, self.known, features)
     }
 
     /// What opinions keep to go on from, in all.
@@ -284,10 +350,29 @@ impl Classification {
     }
 }
 
-/// Whether an answer of this probability is known, where those of at least `known_probability` are.
-fn is_known(probability: f32, known_probability: Option<f32>) -> bool {
-    known_probability.is_some_and(|least| probability >= least)
+impl Recognition {
+    /// The answer to a frame, where so much is known.
+    fn new(probabilities: Vec<f32>, novelty: Option<f32>, known: Option<Known>, features: &Features) -> Self {
+        let place_idx = most_probable(&probabilities);
+        let is_trusted = known.is_some_and(|known| known.holds(probabilities[place_idx], novelty));
+        let is_new = novelty.is_some_and(|novelty| novelty > known.map_or(EVEN, |known| known.most_novelty));
+        let nothing_seen = features.seen.iter().all(Seen::is_nothing);
+        let unknown = match features.flaw {
+            Some(Flaw::Dark) => Some(Unknown::Dark),
+            Some(Flaw::Covered) => Some(Unknown::Covered),
+            Some(Flaw::Flat) => Some(Unknown::NoDetail),
+            None if nothing_seen => Some(Unknown::NoDetail),
+            None if is_trusted => None,
+            None if is_new => Some(Unknown::NewPlace),
+            None => Some(Unknown::Unsure),
+        };
+        let n_keypoints = features.n_keypoints();
+        Self { place_idx, known: unknown.is_none(), novelty, unknown, probabilities, n_keypoints }
+    }
 }
+
+/// Above this novelty a frame is more probably of another place than not.
+const EVEN: f32 = 0.5;
 
 #[cfg(test)]
 mod tests;

@@ -9,7 +9,7 @@ pub use teams::{Method, Team, Trained, teams};
 
 use crate::camera::Camera;
 use crate::dataset::{Dataset, Described};
-use crate::evaluate::{self, Answer, Changes, Evaluation, Sighting, StreamAnswer};
+use crate::evaluate::{self, Answer, Changes, Evaluation, Knowledge, Sighting, StreamAnswer, Trusted};
 use crate::filter::{RoomFilter, Trust};
 use crate::folds::folds;
 use crate::model::{Choice, Config, Model, Recognition, Sample, TrainError};
@@ -92,6 +92,22 @@ impl Round {
     }
 }
 
+/// `n_rooms` rooms that are left out of training, others for each seed: all have had their turn when there have been seeds enough.
+pub fn left_out_rooms(places: &BTreeSet<String>, n_rooms: usize, seed: u64) -> BTreeSet<String> {
+    let mut places: Vec<&String> = places.iter().collect();
+    places.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
+    let first = seed as usize * n_rooms;
+    (first..first + n_rooms).map(|turn| places[turn % places.len()].clone()).collect()
+}
+
+impl Round {
+    /// The same without training on frames of some rooms.
+    pub fn without(&self, samples: &[Sample], rooms: &BTreeSet<String>) -> Self {
+        let is_left = |idx: &usize| !rooms.contains(&samples[*idx].place);
+        Self { train: self.train.iter().copied().filter(is_left).collect(), test: self.test.clone() }
+    }
+}
+
 /// The answer to one sample.
 #[derive(Clone, Debug)]
 pub struct Answered {
@@ -101,6 +117,8 @@ pub struct Answered {
     pub place: String,
     /// The whole answer.
     pub recognition: Recognition,
+    /// Whether the sample shows a room that the model was not trained on.
+    pub is_new: bool,
 }
 
 /// Trains and answers each round in turn: the answers of each team of `method`. `on_round` is called after each, with why
@@ -131,8 +149,10 @@ pub fn run(
 
 /// The answer of `model` to a sample.
 pub fn answer(model: &Model, samples: &[Sample], sample_idx: usize) -> Answered {
-    let recognition = model.classify(&samples[sample_idx].features);
-    Answered { sample_idx, place: model.places()[recognition.place_idx].clone(), recognition }
+    let Sample { place, features, .. } = &samples[sample_idx];
+    let recognition = model.classify(features);
+    let is_new = model.places().binary_search(place).is_err();
+    Answered { sample_idx, place: model.places()[recognition.place_idx].clone(), recognition, is_new }
 }
 
 /// The same answers, each room the one that a filter took the robot to be in after that frame, with the
@@ -150,8 +170,10 @@ pub fn filtered(
         }
         let raw = &answered.recognition;
         let probabilities =
-            filter.update(model.transitions(), elapsed.unwrap_or_default(), &raw.probabilities).to_vec();
-        let recognition = Recognition { place_idx: filter.place_idx(), probabilities, ..raw.clone() };
+            filter.update(model.transitions(), elapsed.unwrap_or_default(), raw.observation()).to_vec();
+        let (known, novelty) = (filter.is_known(), filter.novelty());
+        let recognition =
+            Recognition { place_idx: filter.place_idx(), known, novelty, probabilities, ..raw.clone() };
         Answered { place: model.places()[recognition.place_idx].clone(), recognition, ..*answered }
     };
     elapsed(dataset, described, answers).into_iter().zip(answers).map(filter_answer).collect()
@@ -207,6 +229,18 @@ pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) 
     Evaluation::new(&answers)
 }
 
+/// What "known" is worth in answers to described frames.
+pub fn knowledge<'a>(described: &Described, answers: impl IntoIterator<Item = &'a Answered>) -> Knowledge {
+    let trusted = |answered: &Answered| Trusted {
+        probability: answered.recognition.probability(),
+        known: answered.recognition.known,
+        novelty: answered.recognition.novelty,
+        is_right: described.samples[answered.sample_idx].place == answered.place,
+        is_new: answered.is_new,
+    };
+    Knowledge::new(&answers.into_iter().map(trusted).collect::<Vec<_>>())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -214,8 +248,15 @@ mod tests {
     use std::sync::Arc;
 
     fn sample(place: &str, sequence: &str) -> Sample {
-        let features = Features { sights: Arc::default(), seen: Vec::new(), scale: 1.0 };
+        let features = Features { sights: Arc::default(), seen: Vec::new(), scale: 1.0, flaw: None };
         Sample { place: place.to_owned(), sequence: sequence.to_owned(), name: String::new(), features }
+    }
+
+    #[test]
+    fn each_room_is_left_out_once_in_turn() {
+        let places: BTreeSet<String> = ["a", "b", "c", "d", "e", "f"].map(str::to_owned).into();
+        let left_out: Vec<String> = (0..3).flat_map(|seed| left_out_rooms(&places, 2, seed)).collect();
+        assert_eq!(left_out.iter().collect::<BTreeSet<_>>().len(), 6, "{left_out:?}");
     }
 
     #[test]

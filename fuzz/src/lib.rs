@@ -10,7 +10,7 @@ pub use service::{exchange, robots_key, service, start_service};
 
 use roomsight::camera::{Camera, Projection};
 use roomsight::dataset;
-use roomsight::filter::{RoomFilter, Step, Transitions, Trust};
+use roomsight::filter::{Observation, RoomFilter, Step, Transitions, Trust};
 use roomsight::image::{Image, Limits};
 use roomsight::model::{self, Config, Model, NetworkStore, Scratch, try_model};
 use roomsight::network::{Description, Network, NetworkError};
@@ -179,7 +179,11 @@ fn filter(bytes: &[u8]) {
         Transitions::learn(3, (0..4).filter_map(|idx| Some(Step { from: idx % 3, to: 2, seconds: next()? })));
     let mut filter = RoomFilter::new(3, Trust::default());
     while let (Some(elapsed), Some(a), Some(b)) = (next(), next(), next()) {
-        let belief = filter.update(&transitions, elapsed, &[a as f32, b as f32, 0.5]);
+        let belief = filter.update(
+            &transitions,
+            elapsed,
+            Observation { probabilities: &[a as f32, b as f32, 0.5], novelty: Some(b as f32) },
+        );
         assert!((belief.iter().sum::<f32>() - 1.0).abs() < 1e-3, "{belief:?}");
     }
 }

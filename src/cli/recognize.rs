@@ -2,7 +2,7 @@
 
 use super::data::{self, LimitArgs};
 use super::output::{self, say};
-use crate::model::{Model, Recognition, Scratch};
+use crate::model::{Model, Recognition, Scratch, Unknown};
 use anyhow::bail;
 use clap::Args;
 use serde::Serialize;
@@ -33,6 +33,10 @@ struct Line<'a> {
     room: &'a str,
     probability: f32,
     known: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    unknown: Option<Unknown>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    novelty: Option<f32>,
     keypoints: usize,
     probabilities: Vec<(&'a str, f32)>,
 }
@@ -68,7 +72,7 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
                 path.display().to_string(),
                 line.room.to_owned(),
                 format!("{:.2}", line.probability),
-                if line.known { "yes" } else { "no" }.to_owned(),
+                line.unknown.map_or("yes".to_owned(), |why| format!("no: {why}")),
                 line.keypoints.to_string(),
                 others.join(", "),
             ]);
@@ -93,6 +97,8 @@ fn line<'a>(model: &'a Model, frame: &'a Path, recognition: &Recognition, top: u
         room: &model.places()[recognition.place_idx],
         probability: recognition.probability(),
         known: recognition.known,
+        unknown: recognition.unknown,
+        novelty: recognition.novelty,
         keypoints: recognition.n_keypoints,
         probabilities,
     }

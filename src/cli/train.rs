@@ -123,7 +123,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         Some(folder) => add_to(folder, args)?,
         None => train(args)?,
     };
-    let Trained { training: Training { model, held_out }, dataset, described, .. } = &trained;
+    let Trained { training: Training { model, held_out, .. }, dataset, described, .. } = &trained;
     let answers: Vec<Answered> = held_out.iter().map(|held_out| answered(model, held_out)).collect();
     let evaluation = validate::evaluate(dataset, described, &answers);
     let card = card(args, &trained, &evaluation);
@@ -233,7 +233,11 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
         Ok(preferred.training)
     })?;
     let sequences = sequences(&dataset);
-    let held_out = if sequences.len() > 1 { "held-out sequences" } else { "held-out frames" };
+    let held_out = match sequences.len() {
+        _ if training.are_single_frames => "held-out frames, since sequences show other parts of the rooms",
+        0 | 1 => "held-out frames",
+        _ => "held-out sequences",
+    };
     let card = Card {
         n_frames: described.samples.len(),
         sequences: sequences.into_iter().map(str::to_owned).collect(),
@@ -275,7 +279,7 @@ fn sequences(dataset: &Dataset) -> BTreeSet<&str> {
 
 fn answered(model: &Model, held_out: &HeldOut) -> Answered {
     let HeldOut { sample_idx, recognition } = held_out.clone();
-    Answered { sample_idx, place: model.places()[recognition.place_idx].clone(), recognition }
+    Answered { sample_idx, place: model.places()[recognition.place_idx].clone(), recognition, is_new: false }
 }
 
 /// The card as training left it, completed by what the command knows.

@@ -3,15 +3,15 @@
 use super::data::{self, ConfigArgs, DataArgs, FoldArgs, LimitArgs};
 use super::output::{self, say};
 use crate::dataset::{Dataset, Described};
-use crate::evaluate::{Evaluation, Summary};
+use crate::evaluate::{Evaluation, Knowledge, Rate, Summary};
 use crate::image::Limits;
 use crate::model::{Config, Extractor, Sample, all_opinions};
-use crate::validate::{self, Answered, Cost, Method, Protocol, Trained};
+use crate::validate::{self, Answered, Cost, Method, Protocol, Round, Trained};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 
 /// Frames of each room that train where they are drawn at random.
@@ -52,6 +52,9 @@ pub(super) struct ValidateArgs {
     /// Measure each opinion of the configuration alone, each pair, and all together, with what they cost
     #[arg(long)]
     each: bool,
+    /// Leave this many rooms out of training, others for each seed, and tell whether their frames are called unknown
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    without_rooms: usize,
     /// Print the rates as JSON
     #[arg(long)]
     json: bool,
@@ -101,6 +104,8 @@ struct Report {
     preferred: BTreeMap<String, usize>,
     /// One a seed.
     evaluations: Vec<Evaluation>,
+    /// What "known" is worth, one a seed.
+    knowledge: Vec<Knowledge>,
 }
 
 /// Runs all seeds and prints mean, deviation and best.
@@ -145,6 +150,15 @@ impl ValidateArgs {
             if self.each { Method::Every(validate::teams(&config)) } else { Method::Preferred(candidates) };
         Ok(Trainee { config, method })
     }
+
+    /// The rooms that this seed's models are trained without.
+    fn left_out_rooms(&self, training: &Dataset, seed: u64) -> anyhow::Result<BTreeSet<String>> {
+        let places: BTreeSet<String> = training.places().into_iter().collect();
+        if self.without_rooms > 0 && places.len() < self.without_rooms + 2 {
+            bail!("--without-rooms {}: of {} rooms, two must be left", self.without_rooms, places.len());
+        }
+        Ok(validate::left_out_rooms(&places, self.without_rooms, seed))
+    }
 }
 
 fn by_protocol(args: &ValidateArgs, trainee: &Trainee, dataset: &Dataset) -> anyhow::Result<Vec<Report>> {
@@ -177,12 +191,15 @@ fn by_protocol(args: &ValidateArgs, trainee: &Trainee, dataset: &Dataset) -> any
             bail!("no room has frames both to train and to answer: there are too few sequences or frames");
         }
         let mut preferred = Vec::new();
+        let left_out = args.left_out_rooms(dataset, seed)?;
+        let rounds: Vec<Round> =
+            rounds.iter().map(|round| round.without(&described.samples, &left_out)).collect();
         let answers = validate::run(&described.samples, &rounds, method, (&config, &camera), |choice| {
             preferred.extend(choice.map(|choice| choice.tally().name.clone()));
             bar.inc(1);
         })?;
         for (report, answers) in reports.iter_mut().zip(answers) {
-            report.evaluations.push(validate::evaluate(dataset, &described, &answers));
+            report.add(dataset, &described, &answers, &left_out);
             preferred.iter().for_each(|name| *report.preferred.entry(name.clone()).or_default() += 1);
         }
     }
@@ -231,13 +248,15 @@ fn by_given_split(
     let mut by_test: Vec<Vec<Report>> = tests.iter().map(none_yet).collect();
     for seed in 0..args.folds.seeds {
         let config = Config { seed, ..config.clone() };
-        let drawn: Vec<&Sample> = match args.train_frames {
+        let left_out = args.left_out_rooms(training, seed)?;
+        let mut drawn: Vec<&Sample> = match args.train_frames {
             Some(n_of_room) => validate::draw(&trained_on.samples, n_of_room, seed)
                 .into_iter()
                 .map(|idx| samples[idx])
                 .collect(),
             None => samples.clone(),
         };
+        drawn.retain(|sample| !left_out.contains(&sample.place));
         let models = method.train(&drawn, (&config, &camera))?;
         for (test, reports) in tests.iter().zip(&mut by_test) {
             for Trained { team_idx, model, choice } in &models {
@@ -245,7 +264,7 @@ fn by_given_split(
                 let answers: Vec<Answered> =
                     (0..test.described.samples.len()).into_par_iter().map(answer).collect();
                 let report = &mut reports[*team_idx];
-                report.evaluations.push(validate::evaluate(&test.dataset, &test.described, &answers));
+                report.add(&test.dataset, &test.described, &answers, &left_out);
                 if let Some(choice) = choice {
                     *report.preferred.entry(choice.tally().name.clone()).or_default() += 1;
                 }
@@ -287,8 +306,23 @@ impl Report {
             cost: None,
             preferred: BTreeMap::new(),
             evaluations: Vec::new(),
+            knowledge: Vec::new(),
         };
         method.names().into_iter().map(report).collect()
+    }
+
+    /// Adds a seed's answers. Those to frames of rooms that were left out on purpose are no errors.
+    fn add(
+        &mut self,
+        dataset: &Dataset,
+        described: &Described,
+        answers: &[Answered],
+        left_out: &BTreeSet<String>,
+    ) {
+        let is_trained = |answer: &&Answered| !left_out.contains(&described.samples[answer.sample_idx].place);
+        let of_trained: Vec<Answered> = answers.iter().filter(is_trained).cloned().collect();
+        self.evaluations.push(validate::evaluate(dataset, described, &of_trained));
+        self.knowledge.push(validate::knowledge(described, answers));
     }
 
     /// With the summaries of its evaluations.
@@ -303,6 +337,36 @@ impl Report {
             ..self
         }
     }
+}
+
+/// What "known" is worth, summed over seeds.
+fn print_knowledge(reports: &[Report]) -> io::Result<()> {
+    let mut table =
+        output::table(["answered", "opinions", "known right", "right known", "new unknown", "AUROC", "ECE"]);
+    for report in reports {
+        let sum = |of: fn(&Knowledge) -> &Rate| {
+            let rates = || report.knowledge.iter().map(of);
+            Rate::new(rates().map(|rate| rate.n_correct).sum(), rates().map(|rate| rate.n_frames).sum())
+        };
+        let mean = |of: fn(&Knowledge) -> Option<f64>| {
+            let values: Vec<f64> = report.knowledge.iter().filter_map(of).collect();
+            Summary::of(&values).map_or("-".to_owned(), |summary| format!("{:.3}", summary.mean))
+        };
+        let share = |rate: &Rate| match rate.rate {
+            Some(share) => format!("{share:.3} of {}", rate.n_frames),
+            None => "-".to_owned(),
+        };
+        table.add_row([
+            report.test.clone(),
+            report.opinions.clone(),
+            share(&sum(|knowledge| &knowledge.known)),
+            share(&sum(|knowledge| &knowledge.right_known)),
+            share(&sum(|knowledge| &knowledge.new_unknown)),
+            mean(|knowledge| knowledge.auroc),
+            mean(|knowledge| knowledge.calibration_error),
+        ]);
+    }
+    say!("\n{table}")
 }
 
 fn print(reports: &[Report]) -> io::Result<()> {
@@ -335,6 +399,7 @@ fn print(reports: &[Report]) -> io::Result<()> {
         table.add_row(row);
     }
     say!("{table}")?;
+    print_knowledge(reports)?;
     for report in reports.iter().filter(|report| !report.preferred.is_empty()) {
         let times = report.preferred.iter().map(|(name, n_times)| format!("{name} {n_times} times"));
         say!(

@@ -111,6 +111,8 @@ pub fn result(seq: u64, room: &str) -> ServerMessage {
     let answer = Answer {
         room: room.into(),
         known: true,
+        unknown: None,
+        novelty: Some(0.0),
         probability: 1.0,
         probabilities: vec![],
         model: model(),

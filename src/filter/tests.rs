@@ -6,6 +6,11 @@ fn trust(trust: f32) -> Trust {
     trust.try_into().unwrap()
 }
 
+/// A frame of a model that cannot tell new places.
+fn rooms(probabilities: &[f32]) -> Observation<'_> {
+    Observation { probabilities, novelty: None }
+}
+
 /// Transitions between `n_places` rooms of any kind.
 fn any_transitions(n_places: usize) -> impl Strategy<Value = Transitions> {
     let dwells = prop::collection::vec(0.5f32..60.0, n_places);
@@ -98,7 +103,7 @@ fn a_single_wrong_frame_does_not_change_the_room_but_several_do() {
     let transitions = Transitions::unlearned(3);
     let mut filter = RoomFilter::new(3, trust(0.5));
     let mut answer = |probabilities: [f32; 3]| {
-        filter.update(&transitions, 0.2, &probabilities);
+        filter.update(&transitions, 0.2, rooms(&probabilities));
         filter.place_idx()
     };
     (0..10).for_each(|_| assert_eq!(answer([0.8, 0.1, 0.1]), 0));
@@ -112,16 +117,16 @@ fn a_single_wrong_frame_does_not_change_the_room_but_several_do() {
 fn numbers_that_make_no_sense_do_no_harm() {
     let transitions = Transitions::unlearned(2);
     let mut filter = RoomFilter::new(2, trust(1.0));
-    filter.update(&transitions, 0.0, &[0.9, 0.1]);
+    filter.update(&transitions, 0.0, rooms(&[0.9, 0.1]));
     let before = filter.clone();
     for elapsed in [-5.0, f64::NAN, f64::NEG_INFINITY] {
-        assert_eq!(filter.update(&transitions, elapsed, &[0.5, 0.5]), before.belief());
+        assert_eq!(filter.update(&transitions, elapsed, rooms(&[0.5, 0.5])), before.belief());
     }
-    filter.update(&transitions, 0.0, &[f32::NAN, f32::NAN]);
+    filter.update(&transitions, 0.0, rooms(&[f32::NAN, f32::NAN]));
     assert_eq!(filter, before);
-    filter.update(&transitions, 0.0, &[f32::INFINITY, f32::NEG_INFINITY]);
+    filter.update(&transitions, 0.0, rooms(&[f32::INFINITY, f32::NEG_INFINITY]));
     assert!(filter.belief().iter().all(|belief| belief.is_finite()));
-    filter.update(&transitions, f64::INFINITY, &[0.5, 0.5]);
+    filter.update(&transitions, f64::INFINITY, rooms(&[0.5, 0.5]));
     assert_close(filter.belief(), &[0.5, 0.5], 1e-6);
 }
 
@@ -136,12 +141,49 @@ fn times_that_make_no_sense_are_learned_as_none_or_long() {
 }
 
 #[test]
+fn a_robot_that_is_carried_elsewhere_is_unknown_within_a_second_and_known_again_when_it_is_back() {
+    const FRAMES_A_SECOND: usize = 5;
+    let transitions = Transitions::unlearned(3);
+    let mut filter = RoomFilter::new(3, Trust::default());
+    let mut is_known_after = |n_frames: usize, novelty: f32| {
+        for _ in 0..n_frames {
+            let frame = Observation { probabilities: &[0.9, 0.05, 0.05], novelty: Some(novelty) };
+            filter.update(&transitions, 1.0 / FRAMES_A_SECOND as f64, frame);
+        }
+        (filter.is_known(), filter.novelty().unwrap())
+    };
+    assert!(is_known_after(300, 0.1).0);
+    assert!(is_known_after(1, 0.9).0, "one frame in a doorway");
+    assert!(is_known_after(5, 0.1).0);
+    let (is_known, novelty) = is_known_after(FRAMES_A_SECOND, 0.95);
+    assert!(!is_known && novelty > 0.5, "{novelty}");
+    assert!(!is_known_after(300, 0.95).0);
+    assert!(is_known_after(FRAMES_A_SECOND, 0.1).0);
+}
+
+#[test]
+fn frames_in_which_nothing_is_seen_let_time_pass_alone() {
+    let transitions = Transitions::unlearned(2);
+    let mut filter = RoomFilter::new(2, Trust::default());
+    let frame = Observation { probabilities: &[0.9, 0.1], novelty: Some(0.05) };
+    (0..20).for_each(|_| _ = filter.update(&transitions, 0.2, frame));
+    let before = filter.clone();
+    assert_eq!(filter.update(&transitions, 0.0, rooms(&[])), before.belief());
+    assert_eq!(filter.novelty(), before.novelty());
+    (0..1000).for_each(|_| _ = filter.update(&transitions, 60.0, rooms(&[])));
+    assert!(!filter.is_known());
+    let no_number = Observation { probabilities: &[0.9, 0.1], novelty: Some(f32::NAN) };
+    filter.update(&transitions, f64::NAN, no_number);
+    assert!(filter.novelty().unwrap().is_finite());
+}
+
+#[test]
 fn a_room_that_was_ruled_out_comes_back() {
     let transitions = Transitions::unlearned(2);
     let mut filter = RoomFilter::new(2, trust(1.0));
     let mut answer_after = |n_frames: usize, probabilities: [f32; 2]| {
         for _ in 0..n_frames {
-            filter.update(&transitions, 0.2, &probabilities);
+            filter.update(&transitions, 0.2, rooms(&probabilities));
         }
         filter.place_idx()
     };
@@ -166,7 +208,7 @@ proptest! {
             let alpha = |to: usize| (0..4).map(|from| expected[from] * matrix[from][to]).sum::<f64>();
             let joint: Vec<f64> = (0..4).map(|to| likelihood(to) * alpha(to)).collect();
             expected = joint.iter().map(|value| value / joint.iter().sum::<f64>()).collect();
-            assert_close(filter.update(&transitions, *elapsed, probabilities), &expected, 1e-4);
+            assert_close(filter.update(&transitions, *elapsed, rooms(probabilities)), &expected, 1e-4);
         }
     }
 
@@ -177,7 +219,7 @@ proptest! {
     ) {
         let mut filter = RoomFilter::new(5, trust(10.0));
         for (elapsed, probabilities) in &frames {
-            let belief = filter.update(&transitions, *elapsed, probabilities);
+            let belief = filter.update(&transitions, *elapsed, rooms(probabilities));
             prop_assert!((belief.iter().sum::<f32>() - 1.0).abs() < 1e-5);
             prop_assert!(belief.iter().all(|belief| (0.0..=1.0).contains(belief)));
         }
@@ -189,12 +231,12 @@ proptest! {
         elapsed in 0.0f64..30.0,
     ) {
         let mut filter = RoomFilter::new(4, trust(1.0));
-        filter.update(&transitions, 0.0, &start);
+        filter.update(&transitions, 0.0, rooms(&start));
         let predicted = transitions.predict(filter.belief(), elapsed);
         let mut unseen = filter.clone();
-        assert_close(unseen.update(&transitions, elapsed, &[0.25; 4]), &predicted, 1e-6);
+        assert_close(unseen.update(&transitions, elapsed, rooms(&[0.25; 4])), &predicted, 1e-6);
         filter.trust = trust(1e-6);
-        assert_close(filter.update(&transitions, elapsed, &frame), &predicted, 1e-4);
+        assert_close(filter.update(&transitions, elapsed, rooms(&frame)), &predicted, 1e-4);
     }
 
     #[test]

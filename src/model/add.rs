@@ -12,7 +12,8 @@
 //! held-out folds, they are the values of opinions that had learned less, so the new model is rather better
 //! than they say.
 
-use super::held_out::{self, Decided, Fusion, HeldOutFrames, Outcome};
+use super::held_out::{Decided, Fusion, HeldOutFrames};
+use super::known::Known;
 use super::learned::LearnedFrames;
 use super::opinion::{Added, Left, Opinion};
 use super::sight::Seen;
@@ -132,7 +133,7 @@ impl Model {
             }
         }
         self.check_addition(sequences.iter().map(|(name, _)| *name))?;
-        let mut training = Training { model: self.clone(), held_out: Vec::new() };
+        let mut training = Training { model: self.clone(), held_out: Vec::new(), are_single_frames: false };
         for (n_done, (_, sample_idxs)) in sequences.iter().enumerate() {
             progress(TrainingStep { n_done, n_steps: sequences.len() });
             training = Drive { samples, sample_idxs, forget }.learned_by(training)?;
@@ -181,7 +182,8 @@ impl Model {
         let learned = self.learned.left(&is_left, &left_places);
         let places: Vec<String> = left_places.iter().map(|&idx| self.places[idx].clone()).collect();
         let left = Left { is_left: &is_left, labels: &learned.labels, n_places: places.len() };
-        let held_out = self.held_out.narrowed(&self.config, &left_places);
+        let [held_out, left_out] =
+            [&self.held_out, &self.left_out].map(|frames| frames.narrowed(&self.config, &left_places));
         let trained = self.classification.opinions.iter().map(|opinion| opinion.trained.without(&left));
         let trained = trained.collect::<Result<Vec<_>, _>>()?;
         let opinions = self.classification.opinions.iter().zip(trained);
@@ -196,8 +198,8 @@ impl Model {
         if let Forgotten::Drive(drive) = forgotten {
             card.sequences.retain(|sequence| sequence != drive);
         }
-        let classification = self.refitted(opinions, &held_out, places.len())?;
-        Ok(Self { places, classification, learned, held_out, transitions, card, ..self.clone() })
+        let classification = self.refitted(opinions, [&held_out, &left_out], places.len())?;
+        Ok(Self { places, classification, learned, held_out, left_out, transitions, card, ..self.clone() })
     }
 
     fn never_learned(&self, forgotten: Forgotten) -> AddError {
@@ -221,24 +223,26 @@ impl Model {
     fn refitted(
         &self,
         mut opinions: Vec<Opinion>,
-        held_out: &HeldOutFrames,
+        [held_out, left_out]: [&HeldOutFrames; 2],
         n_places: usize,
     ) -> Result<Classification, TrainError> {
         let decided: Vec<&Decided> = held_out.iter().collect();
         let fusion = Fusion::fit(&self.config, n_places, &decided, &decided)?;
-        let outcome = |decided: &&Decided| {
-            let probabilities = fusion.probabilities(decided, n_places);
-            let place_idx = crate::svm::most_probable(&probabilities);
-            Outcome { probability: probabilities[place_idx], is_right: place_idx == decided.label }
+        // What tells new places was fitted to all rooms of before, and stays.
+        let novelty = self.classification.novelty.clone();
+        let outcome = |decided: &Decided| {
+            let answer = fusion.answer(&self.config, decided, n_places);
+            answer.outcome(novelty.as_ref().map(|novelty| novelty.of(&answer.signs)))
         };
-        let outcomes = decided.iter().map(outcome).collect();
-        let known_probability = held_out::known_probability(outcomes, &self.config.calibration);
+        let [of_held_out, of_left_out] =
+            [held_out, left_out].map(|frames| frames.iter().map(outcome).collect::<Vec<_>>());
+        let known = Known::choose(&of_held_out, &of_left_out, &self.config.calibration);
         let doubt = fusion.doubt;
         let fitted = fusion.calibrations.into_iter().zip(fusion.weights);
         for (opinion, (calibration, weight)) in opinions.iter_mut().zip(fitted) {
             (opinion.calibration, opinion.weight) = (calibration, weight);
         }
-        Ok(Classification { n_places, opinions, doubt, known_probability })
+        Ok(Classification { n_places, opinions, doubt, novelty, known })
     }
 }
 
@@ -255,7 +259,10 @@ impl Drive<'_> {
         self.sample_idxs.iter().map(|&sample_idx| self.samples[sample_idx])
     }
 
-    fn learned_by(&self, Training { model, mut held_out }: Training) -> Result<Training, AddError> {
+    fn learned_by(
+        &self,
+        Training { model, mut held_out, are_single_frames }: Training,
+    ) -> Result<Training, AddError> {
         let mut decisions = model.held_out.clone();
         for (answer, decided) in self.answers(&model) {
             decisions.push(decided);
@@ -265,11 +272,12 @@ impl Drive<'_> {
         // The places are sorted before and now: this is ascending.
         let of_earlier: Vec<usize> = model.places.iter().map(|place| index_of(&places, place)).collect();
         held_out.iter_mut().for_each(|answer| answer.renumber(&of_earlier, places.len()));
-        let decisions = decisions.renumbered(&model.config, &of_earlier, places.len());
+        let [decisions, left_out] = [&decisions, &model.left_out]
+            .map(|frames| frames.renumbered(&model.config, &of_earlier, places.len()));
         let mut learned = model.learned.renumbered(&of_earlier);
         learned.extend(self.samples().map(|sample| (sample, index_of(&places, &sample.place))));
         let opinions = self.learn(&model, &learned, (&of_earlier, &places))?;
-        let classification = model.refitted(opinions, &decisions, places.len())?;
+        let classification = model.refitted(opinions, [&decisions, &left_out], places.len())?;
         let card = self.on_card(&model, &classification);
         // What was learned of the earlier rooms says nothing of how robots move to a new one.
         let is_same = places == model.places;
@@ -281,11 +289,12 @@ impl Drive<'_> {
             classification,
             learned,
             held_out: decisions.thinned(),
+            left_out,
             transitions,
             card,
             ..earlier
         };
-        Ok(Training { model, held_out })
+        Ok(Training { model, held_out, are_single_frames })
     }
 
     /// What the model says of the frames that it can be right about and that show something, and the decision
@@ -295,10 +304,10 @@ impl Drive<'_> {
             let Sample { place, features, .. } = self.samples[sample_idx];
             let label = model.places.binary_search(place).ok()?;
             let opinions = &model.classification.opinions;
-            let values: Vec<_> = opinions.iter().map(|opinion| opinion.decision_values(features)).collect();
-            values.iter().any(Option::is_some).then(|| {
+            let said: Vec<_> = opinions.iter().map(|opinion| opinion.answer(features)).collect();
+            said.iter().any(Option::is_some).then(|| {
                 let answer = HeldOut { sample_idx, recognition: model.classify(features) };
-                (answer, Decided { label, values })
+                (answer, Decided { label, said })
             })
         };
         self.sample_idxs.par_iter().filter_map(answer).collect()

@@ -94,7 +94,7 @@ pub fn train_preferred(
         match Trials::run(samples, &config, &mut progress) {
             Ok(mut trials) => {
                 let choice = choose(&trials, &candidates)?;
-                let training = trials.finish(&candidates[choice.chosen].config, camera.clone())?;
+                let training = trials.finish(&candidates[choice.chosen].config, camera.clone(), progress)?;
                 return Ok(Preferred { training, choice, left_out });
             }
             Err(TrainError::Opinion { name, error }) if candidates.len() > 1 => {

@@ -6,7 +6,7 @@ use super::sight::{LocalFeatures, Seen, Sight};
 use crate::camera::{Camera, Spot, View};
 use crate::describe::{Descriptor, FrameLbp, Sections};
 use crate::detect::{Detector, Keypoint};
-use crate::image::{Image, ImageError, Limits, Region};
+use crate::image::{Flaw, Image, ImageError, Limits, Region};
 use crate::matrix::Matrix;
 use crate::network::{NetworkError, XFeat};
 use crate::plane::ScaleSpace;
@@ -33,6 +33,8 @@ pub struct Features {
     pub seen: Vec<Seen>,
     /// Pixels of the frame as it came for one pixel at working size, at least 1.
     pub scale: f32,
+    /// Why nothing can be seen in the frame, if so.
+    pub flaw: Option<Flaw>,
 }
 
 impl Features {
@@ -223,6 +225,7 @@ impl Parameters {
             sights: Arc::clone(&self.sights),
             seen,
             scale: (image.width() * image.reduction()) as f32 / frame.width() as f32,
+            flaw: Flaw::of(frame, scaled.view),
         }
     }
 

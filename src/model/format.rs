@@ -4,7 +4,9 @@
 //! |---|---|
 //! | `NAME/...` | those of the opinion of this name, as below |
 //! | `transitions.dwells`, `transitions.next` | f32, rooms, rooms x rooms; unlearned when left out |
-//! | `held_out.labels` | u32, frames: the rooms that held-out frames show |
+//! | `held_out.labels`, `left_out.labels` | u32, frames: the rooms of held-out frames, and of frames whose room was left out |
+//! | `novelty.means`, `novelty.deviations`, `novelty.weights` | f64, signs of all opinions and of the pool; what tells new places |
+//! | `novelty.offset` | f64, one |
 //! | `frames.rooms`, `frames.drives` | u32, frames that were learned |
 //! | `frames.drive_names`, `frames.names` | u8, lines of text |
 //! | `camera.mask` | u8, height x width; only with a mask |
@@ -13,7 +15,8 @@
 //! |---|---|
 //! | `calibration.slopes`, `calibration.offsets` | f32, machines; of sigmoids |
 //! | `calibration.slope` | f32, one; of a softmax |
-//! | `held_out.values` | f32, held-out frames x machines or rooms; not-a-number where nothing was seen |
+//! | `held_out.values`, `left_out.values` | f32, frames x machines or rooms; not-a-number where nothing was seen |
+//! | `held_out.signs`, `left_out.signs` | f32, frames x signs of the opinion, likewise |
 //! | `kept.values`, `kept.units` | i8, frames x numbers, f32, frames: training rows of linear machines |
 //! | `vocabulary.centers` | f32, words x dimensions; where bags are classified |
 //! | `svm.weights`, `svm.rho` | f32, machines x numbers, machines; of linear machines |
@@ -32,9 +35,11 @@
 
 use super::arrays::{self, Array, Arrays, require};
 use super::calibration::Calibration;
-use super::held_out::HeldOutFrames;
+use super::held_out::{HELD_OUT, HeldOutFrames, LEFT_OUT};
+use super::known::Known;
 use super::learned::LearnedFrames;
 use super::networks::{self, NetworkEntry, Networks};
+use super::novelty::Novelty;
 use super::opinion::{Opinion, Shape};
 use super::{Card, Classification, Config, Extractor, Model};
 use crate::camera::{Camera, Mask, Projection};
@@ -91,6 +96,8 @@ pub(super) struct Metadata {
     pub places: Vec<String>,
     pub camera: Projection,
     known_probability: f32,
+    #[serde(default = "any_novelty")]
+    known_novelty: f32,
     /// How much each opinion counts, by name.
     #[serde(default)]
     weights: BTreeMap<String, f64>,
@@ -101,6 +108,11 @@ pub(super) struct Metadata {
     pub card: Card,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub networks: Vec<NetworkEntry>,
+}
+
+/// Files of before say nothing of novelty.
+fn any_novelty() -> f32 {
+    1.0
 }
 
 /// Stands in a file for a known probability that no answer reaches.
@@ -118,16 +130,13 @@ impl Model {
         let damaged = |error: &dyn std::fmt::Display| FormatError::Damaged(error.to_string());
         let metadata = serde_json::to_string(&self.metadata()).map_err(|error| damaged(&error))?;
         let mut arrays = self.learned.to_arrays();
-        arrays.extend((!self.held_out.is_empty()).then(|| self.held_out.labels()));
-        let named = self.config.opinions.keys().zip(&self.classification.opinions);
-        for (opinion_idx, (name, opinion)) in named.enumerate() {
-            let mut of_opinion = opinion.to_arrays();
-            if !self.held_out.is_empty() {
-                let n_values = self.config.opinions[name].way().n_values(self.places.len());
-                of_opinion.push(self.held_out.values_of(opinion_idx, n_values));
-            }
-            arrays.extend(of_opinion.into_iter().map(|array| array.of_opinion(name)));
+        for (name, opinion) in self.config.opinions.keys().zip(&self.classification.opinions) {
+            arrays.extend(opinion.to_arrays().into_iter().map(|array| array.of_opinion(name)));
         }
+        for (frames, names) in [(&self.held_out, HELD_OUT), (&self.left_out, LEFT_OUT)] {
+            arrays.extend(frames.to_arrays(&names, &self.config, self.places.len()));
+        }
+        arrays.extend(self.classification.novelty.iter().flat_map(Novelty::to_arrays));
         arrays.push(Array::vector("transitions.dwells", self.transitions.dwells()));
         arrays.push(Array::matrix("transitions.next", self.transitions.next()));
         if let Some(mask) = &self.camera().mask {
@@ -142,6 +151,7 @@ impl Model {
             places: self.places.clone(),
             camera: self.camera().projection,
             known_probability: self.known_probability().unwrap_or(NEVER_KNOWN),
+            known_novelty: self.classification.known.map_or(1.0, |known| known.most_novelty),
             doubt: self.classification.doubt,
             weights: self.weights().into_iter().map(|(name, weight)| (name.to_owned(), weight)).collect(),
             config: self.config.clone(),
@@ -194,13 +204,23 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
         return Err(FormatError::OtherNetworks);
     }
     let Metadata {
-        places, camera, known_probability, mut config, card, format_version, weights, doubt, ..
+        places,
+        camera,
+        known_probability,
+        known_novelty,
+        mut config,
+        card,
+        format_version,
+        weights,
+        doubt,
+        ..
     } = metadata;
     config.link(&networks)?;
     config.check().map_err(FormatError::Damaged)?;
     let distinct: BTreeSet<&str> = places.iter().map(String::as_str).collect();
     require(distinct.len() == places.len() && places.len() >= 2, "its rooms are not distinct")?;
     require(known_probability.is_finite(), "the probability from which answers are known is no number")?;
+    require((0.0..=1.0).contains(&known_novelty), "the novelty up to which answers are known is no share")?;
     require((0.0..=1.0).contains(&doubt), "its doubt is no share")?;
     if let Projection::Omnidirectional(mirror) = camera {
         require(mirror.is_valid(), "its mirror is no ring")?;
@@ -228,7 +248,10 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
         let calibration = Calibration::from_arrays(opinion.way(), places.len(), &arrays)?;
         opinions.push(Opinion { sight, trained, calibration, weight });
     }
-    let held_out = HeldOutFrames::from_arrays(&config, places.len(), &file, arrays_of)?.unwrap_or_default();
+    let frames = |names| HeldOutFrames::from_arrays(&names, &config, places.len(), &file, arrays_of);
+    let (held_out, left_out) = (frames(HELD_OUT)?, frames(LEFT_OUT)?);
+    let novelty = Novelty::from_arrays(&config, &file)?;
+    let known = Known { least_probability: known_probability, most_novelty: known_novelty };
     let transitions = transitions(places.len(), &file)?;
     let mask = file.picture("camera.mask")?.map(Mask::new);
     let camera = Camera { projection: camera, mask };
@@ -239,11 +262,13 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
             n_places: places.len(),
             opinions,
             doubt,
-            known_probability: (known_probability <= 1.0).then_some(known_probability),
+            novelty,
+            known: (known_probability <= 1.0).then_some(known),
         },
         places,
         learned,
         held_out,
+        left_out,
         networks,
         config,
         card,

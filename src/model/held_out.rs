@@ -3,22 +3,24 @@
 use super::arrays::{Array, Arrays, require};
 use super::calibration::{Calibration, HeldOutValues, Way};
 use super::format::FormatError;
-use super::opinion::OpinionConfig;
-use super::pool::{self, Judged, Vote, pooled};
-use super::{CalibrationConfig, Config, TrainError};
+use super::known::Outcome;
+use super::novelty::{self, Signs};
+use super::opinion::{OpinionConfig, Said};
+use super::pool::{self, Judged};
+use super::{Config, TrainError};
 use crate::matrix::Matrix;
 use crate::svm::{Scheme, most_probable};
 
 /// The most frames that a model file keeps: a few hundred KiB an opinion for a dozen rooms.
 const MAX_KEPT: usize = 4096;
 
-/// The decision values for a frame by opinions trained without it.
+/// What opinions that were trained without a frame say of it.
 #[derive(Clone, Debug)]
 pub(super) struct Decided {
     /// The room that it shows.
     pub(super) label: usize,
-    /// Those of each opinion that saw something; at least one did.
-    pub(super) values: Vec<Option<Vec<f32>>>,
+    /// By each opinion that saw something; at least one did.
+    pub(super) said: Vec<Option<Said>>,
 }
 
 /// How opinions are calibrated and weighed.
@@ -69,14 +71,36 @@ impl Fusion {
         Ok(Self { calibrations, weights, doubt })
     }
 
-    /// One probability a room; the same for all where no opinion counts that saw something.
-    pub(super) fn probabilities(&self, decided: &Decided, n_places: usize) -> Vec<f32> {
+    /// What is answered to a frame that was decided so.
+    pub(super) fn answer(&self, config: &Config, decided: &Decided, n_places: usize) -> Answer {
         let Judged { by_opinion, .. } = judged(decided, &self.calibrations);
-        let votes = by_opinion.into_iter().zip(&self.weights);
-        let votes =
-            votes.filter_map(|(probabilities, &weight)| Some(Vote { weight, probabilities: probabilities? }));
-        let probabilities = pool::doubted(pooled(votes), self.doubt);
-        if probabilities.is_empty() { vec![1.0 / n_places as f32; n_places] } else { probabilities }
+        let probabilities = pool::answer(&by_opinion, &self.weights, self.doubt);
+        let probabilities = probabilities.unwrap_or_else(|| vec![1.0 / n_places as f32; n_places]);
+        let signs = novelty::signs_of(config, &decided.said, &by_opinion, &probabilities);
+        Answer { label: decided.label, probabilities, signs }
+    }
+}
+
+/// What is answered to a held-out frame.
+#[derive(Clone, Debug)]
+pub(super) struct Answer {
+    /// The room that it shows.
+    pub(super) label: usize,
+    /// One a room; the same for all where no opinion counts that saw something.
+    pub(super) probabilities: Vec<f32>,
+    /// How familiar it is.
+    pub(super) signs: Signs,
+}
+
+impl Answer {
+    /// Of how much use it is that the answer is told, where the frame is that new.
+    pub(super) fn outcome(&self, novelty: Option<f32>) -> Outcome {
+        let place_idx = most_probable(&self.probabilities);
+        Outcome {
+            probability: self.probabilities[place_idx],
+            novelty: novelty.unwrap_or_default(),
+            is_right: place_idx == self.label,
+        }
     }
 }
 
@@ -101,8 +125,8 @@ fn most_right(judged: &[Judged]) -> f64 {
 fn values_of(decided: &[&Decided], opinion_idx: usize, n_values: usize) -> HeldOutValues {
     let mut held_out = HeldOutValues { values: Matrix::new(n_values), labels: Vec::new() };
     for decided in decided {
-        if let Some(values) = &decided.values[opinion_idx] {
-            held_out.values.push_row(values);
+        if let Some(said) = &decided.said[opinion_idx] {
+            held_out.values.push_row(&said.values);
             held_out.labels.push(decided.label);
         }
     }
@@ -110,9 +134,9 @@ fn values_of(decided: &[&Decided], opinion_idx: usize, n_values: usize) -> HeldO
 }
 
 fn judged(decided: &Decided, calibrations: &[Calibration]) -> Judged {
-    let by_opinion = decided.values.iter().zip(calibrations);
+    let by_opinion = decided.said.iter().zip(calibrations);
     let by_opinion =
-        by_opinion.map(|(values, calibration)| Some(calibration.probabilities(values.as_ref()?)));
+        by_opinion.map(|(said, calibration)| Some(calibration.probabilities(&said.as_ref()?.values)));
     Judged { label: decided.label, by_opinion: by_opinion.collect() }
 }
 
@@ -129,10 +153,6 @@ impl HeldOutFrames {
         self.0.push(decided);
     }
 
-    pub(super) fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
     pub(super) fn iter(&self) -> impl Iterator<Item = &Decided> {
         self.0.iter()
     }
@@ -141,11 +161,12 @@ impl HeldOutFrames {
     pub(super) fn renumbered(&self, config: &Config, of_earlier: &[usize], n_places: usize) -> Self {
         let ways = || config.opinions.values().map(OpinionConfig::way);
         let renumber = |decided: &Decided| {
-            let values = decided.values.iter().zip(ways());
-            let spread = |(values, way): (&Option<Vec<f32>>, Way)| {
-                Some(spread_out(way, of_earlier, n_places, values.as_ref()?))
+            let said = decided.said.iter().zip(ways());
+            let spread = |(said, way): (&Option<Said>, Way)| {
+                let said = said.as_ref()?;
+                Some(said.with_values(spread_out(way, of_earlier, n_places, &said.values)))
             };
-            Decided { label: of_earlier[decided.label], values: values.map(spread).collect() }
+            Decided { label: of_earlier[decided.label], said: said.map(spread).collect() }
         };
         Self(self.0.iter().map(renumber).collect())
     }
@@ -154,11 +175,12 @@ impl HeldOutFrames {
     pub(super) fn narrowed(&self, config: &Config, left: &[usize]) -> Self {
         let narrow = |decided: &Decided| {
             let label = left.binary_search(&decided.label).ok()?;
-            let values = decided.values.iter().zip(config.opinions.values());
-            let narrow = |(values, opinion): (&Option<Vec<f32>>, &OpinionConfig)| {
-                Some(narrowed(opinion.way(), left, values.as_ref()?))
+            let said = decided.said.iter().zip(config.opinions.values());
+            let narrow = |(said, opinion): (&Option<Said>, &OpinionConfig)| {
+                let said = said.as_ref()?;
+                Some(said.with_values(narrowed(opinion.way(), left, &said.values)))
             };
-            Some(Decided { label, values: values.map(narrow).collect() })
+            Some(Decided { label, said: said.map(narrow).collect() })
         };
         Self(self.0.iter().filter_map(narrow).collect())
     }
@@ -172,91 +194,101 @@ impl HeldOutFrames {
         self
     }
 
-    pub(super) fn labels(&self) -> Array {
-        Array::counts(LABELS, self.0.iter().map(|decided| decided.label).collect::<Vec<_>>().into_iter())
-    }
-
-    /// The decision values of an opinion; not-a-number where it saw nothing.
-    pub(super) fn values_of(&self, opinion_idx: usize, n_values: usize) -> Array {
-        let mut rows = Matrix::new(n_values);
-        for decided in &self.0 {
-            match &decided.values[opinion_idx] {
-                Some(values) => rows.push_row(values),
-                None => rows.push_row(&vec![f32::NAN; n_values]),
-            }
+    /// All of it, what is of an opinion under its name.
+    pub(super) fn to_arrays(&self, names: &Names, config: &Config, n_places: usize) -> Vec<Array> {
+        if self.0.is_empty() {
+            return Vec::new();
         }
-        Array::matrix(VALUES, &rows)
+        let labels: Vec<usize> = self.0.iter().map(|decided| decided.label).collect();
+        let mut arrays = vec![Array::counts(names.labels, labels.into_iter())];
+        for (opinion_idx, (name, opinion)) in config.opinions.iter().enumerate() {
+            let rows = |n_cols, part: fn(&Said) -> &[f32]| {
+                let mut rows = Matrix::new(n_cols);
+                for decided in &self.0 {
+                    match &decided.said[opinion_idx] {
+                        Some(said) => rows.push_row(part(said)),
+                        None => rows.push_row(&vec![f32::NAN; n_cols]),
+                    }
+                }
+                rows
+            };
+            let values = rows(opinion.way().n_values(n_places), |said| &said.values);
+            let signs = rows(opinion.signs().len(), |said| &said.signs);
+            let parts = [Array::matrix(names.values, &values), Array::matrix(names.signs, &signs)];
+            arrays.extend(parts.map(|array| array.of_opinion(name)));
+        }
+        arrays
     }
 
-    /// `None` where the file holds none; else frames of unknown origin that fit the rooms. `arrays` gives those of an
-    /// opinion.
+    /// Frames of unknown origin that fit the rooms, none where the file holds none. `arrays` gives those of an opinion.
     pub(super) fn from_arrays<'a>(
+        names: &Names,
         config: &'a Config,
         n_places: usize,
         file: &Arrays<'a>,
         arrays: impl Fn(&'a str) -> Arrays<'a>,
-    ) -> Result<Option<Self>, FormatError> {
-        if !file.has(LABELS) {
-            return Ok(None);
+    ) -> Result<Self, FormatError> {
+        if !file.has(names.labels) {
+            return Ok(Self::default());
         }
-        let labels = file.counts(LABELS)?;
+        let labels = file.counts(names.labels)?;
         require(labels.iter().all(|&label| label < n_places), "its held-out frames are of no room")?;
         let mut by_opinion = Vec::new();
         for (name, opinion) in &config.opinions {
-            let values = arrays(name).matrix(VALUES)?;
-            require(
-                values.n_cols() == opinion.way().n_values(n_places),
-                "its held-out frames are of other machines",
-            )?;
-            require(
-                values.n_rows() == labels.len(),
-                "its held-out frames have other numbers of frames and rooms",
-            )?;
-            by_opinion.push(values);
+            let arrays = arrays(name);
+            let values = arrays.matrix(names.values)?;
+            let n_values = opinion.way().n_values(n_places);
+            require(values.n_cols() == n_values, "its held-out frames are of other machines")?;
+            let mut said = read_rows(&values, labels.len())?;
+            // Files of before this was kept have none.
+            if arrays.has(names.signs) {
+                let signs = arrays.matrix(names.signs)?;
+                require(signs.n_cols() == opinion.signs().len(), "its held-out frames have other signs")?;
+                for (said, signs) in said.iter_mut().zip(read_rows(&signs, labels.len())?) {
+                    require(said.is_some() == signs.is_some(), "its held-out frames are seen in part")?;
+                    said.iter_mut().zip(signs).for_each(|(said, signs)| said.signs = signs.values);
+                }
+            } else {
+                let none = vec![0.0; opinion.signs().len()];
+                said.iter_mut().flatten().for_each(|said| said.signs.clone_from(&none));
+            }
+            by_opinion.push(said.into_iter());
         }
         let mut frames = Vec::with_capacity(labels.len());
-        for (frame_idx, &label) in labels.iter().enumerate() {
-            let mut values = Vec::with_capacity(by_opinion.len());
-            for rows in &by_opinion {
-                let row = rows.row(frame_idx);
-                let is_there = !row.iter().all(|value| value.is_nan());
-                require(
-                    !is_there || row.iter().all(|value| value.is_finite()),
-                    "its held-out frames are not finite",
-                )?;
-                values.push(is_there.then(|| row.to_vec()));
-            }
-            require(values.iter().any(Option::is_some), "its held-out frames show nothing")?;
-            frames.push(Decided { label, values });
+        for label in labels {
+            let said: Vec<Option<Said>> = by_opinion.iter_mut().map(|rows| rows.next().flatten()).collect();
+            require(said.iter().any(Option::is_some), "its held-out frames show nothing")?;
+            frames.push(Decided { label, said });
         }
-        Ok(Some(Self(frames)))
+        Ok(Self(frames))
     }
 }
 
-const LABELS: &str = "held_out.labels";
-const VALUES: &str = "held_out.values";
-
-/// An answer to a held-out frame.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Outcome {
-    pub(super) probability: f32,
-    pub(super) is_right: bool,
+/// What the arrays of frames are called.
+pub(super) struct Names {
+    labels: &'static str,
+    values: &'static str,
+    signs: &'static str,
 }
 
-/// The lowest probability from which on answers were right often enough, if there is one; those of equal
-/// probability count together.
-pub(super) fn known_probability(mut answers: Vec<Outcome>, config: &CalibrationConfig) -> Option<f32> {
-    answers.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    let (mut n_answers, mut n_correct) = (0, 0);
-    let mut lowest = None;
-    for equal in answers.chunk_by(|a, b| a.probability == b.probability) {
-        n_answers += equal.len();
-        n_correct += equal.iter().filter(|answer| answer.is_right).count();
-        if n_correct as f32 >= config.known_precision * n_answers as f32 {
-            lowest = Some(equal[0].probability);
-        }
-    }
-    lowest
+/// Of frames that the rooms were trained without.
+pub(super) const HELD_OUT: Names =
+    Names { labels: "held_out.labels", values: "held_out.values", signs: "held_out.signs" };
+
+/// Of frames whose rooms were left out.
+pub(super) const LEFT_OUT: Names =
+    Names { labels: "left_out.labels", values: "left_out.values", signs: "left_out.signs" };
+
+/// One row a frame; not-a-number where nothing was seen.
+fn read_rows(rows: &Matrix, n_frames: usize) -> Result<Vec<Option<Said>>, FormatError> {
+    require(rows.n_rows() == n_frames, "its held-out frames have other numbers of frames and rooms")?;
+    let read = |row: &[f32]| {
+        let is_there = !row.iter().all(|value| value.is_nan());
+        let is_finite = row.iter().all(|value| value.is_finite());
+        require(!is_there || is_finite, "its held-out frames are not finite")?;
+        Ok(is_there.then(|| Said { values: row.to_vec(), signs: Vec::new() }))
+    };
+    rows.rows().map(read).collect()
 }
 
 /// Decision values among the classes `present` (ascending), as they are among all. The machine of a class that
@@ -307,24 +339,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn equally_probable_answers_are_known_together_or_not_at_all() {
-        let least = |known_precision, answers: &[(f32, bool)]| {
-            let config = CalibrationConfig { known_precision, ..CalibrationConfig::default() };
-            let outcome = |&(probability, is_right)| Outcome { probability, is_right };
-            known_probability(answers.iter().map(outcome).collect(), &config)
-        };
-        assert_eq!(least(0.9, &[(0.9, true), (0.9, false), (0.9, false)]), None);
-        assert_eq!(least(0.9, &[(0.5, false), (0.9, true), (0.8, true), (0.8, true)]), Some(0.8));
-        assert_eq!(least(0.6, &[(0.8, true), (0.7, true), (0.7, false), (0.7, false)]), Some(0.8));
-        assert_eq!(least(0.9, &[(1.0, false)]), None);
-        assert_eq!(least(0.9, &[]), None);
-    }
-
-    #[test]
     fn thinning_keeps_frames_of_the_whole_time() {
-        let frame = |idx: usize| Decided { label: idx % 3, values: vec![Some(vec![idx as f32, 0.0])] };
+        let said = |idx: usize| Said { values: vec![idx as f32, 0.0], signs: Vec::new() };
+        let frame = |idx: usize| Decided { label: idx % 3, said: vec![Some(said(idx))] };
         let kept = HeldOutFrames::new((0..10_000).map(frame).collect()).thinned();
-        let time = |decided: &Decided| decided.values[0].as_ref().unwrap()[0];
+        let time = |decided: &Decided| decided.said[0].as_ref().unwrap().values[0];
         let times: Vec<f32> = kept.iter().map(time).collect();
         assert_eq!(times.len(), 2500);
         assert!(times.windows(2).all(|pair| pair[1] - pair[0] == 4.0));

@@ -21,7 +21,6 @@ use super::arrays::{Array, Arrays};
 use super::calibration::{Calibration, Way};
 use super::format::FormatError;
 use super::lens::Lens;
-use super::pool::Vote;
 use super::sight::{Seen, Sight};
 use super::{AddError, Features, TrainError};
 use crate::camera::CameraKind;
@@ -55,6 +54,33 @@ pub struct Tries {
     pub values: &'static [&'static str],
 }
 
+/// What an opinion says of a frame.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Said {
+    /// The decision values: one finite number a machine or room, as [`Way`] says.
+    pub(super) values: Vec<f32>,
+    /// How much the frame looks like what was learned, whatever room it may be: one finite number for each of
+    /// [`OpinionConfig::signs`], larger where it is more familiar.
+    pub(super) signs: Vec<f32>,
+}
+
+impl Said {
+    /// The same for other rooms or machines.
+    pub(super) fn with_values(&self, values: Vec<f32>) -> Self {
+        Self { values, signs: self.signs.clone() }
+    }
+}
+
+/// A sign of how familiar a frame is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Sign {
+    /// What people call it.
+    pub(super) name: &'static str,
+    /// How much it counts where nothing is known of how well it tells, in standard deviations over frames of trained
+    /// rooms.
+    pub(super) prior_weight: f64,
+}
+
 /// What a kind of opinion learns from frames, and says of them.
 pub(super) trait Recognizer: Sized {
     type Config;
@@ -72,8 +98,8 @@ pub(super) trait Recognizer: Sized {
         chosen: &Chosen,
     ) -> Result<Self, TrainError>;
 
-    /// One finite number a machine or room, as [`Way`] says; `None` of a frame that shows it nothing.
-    fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>>;
+    /// What it says of a frame; `None` of one that shows it nothing.
+    fn answer(&self, seen: &Seen) -> Option<Said>;
 
     /// Whether it keeps what [`Recognizer::add`] needs.
     fn check_addition(&self) -> Result<(), AddError>;
@@ -250,6 +276,11 @@ impl OpinionConfig {
         of_each!(Self, self, config => config.prior_weight())
     }
 
+    /// What its answers tell of how familiar a frame is, in their order.
+    pub(super) fn signs(&self) -> &'static [Sign] {
+        of_each!(Self, self, config => config.signs())
+    }
+
     /// Looks at all training frames once.
     pub(super) fn learner(&self, frames: &[&Seen], seed: u64) -> Result<Learner<'_>, TrainError> {
         Ok(match self {
@@ -291,8 +322,8 @@ impl Learner<'_> {
 }
 
 impl Trained {
-    pub(super) fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>> {
-        of_each!(Self, self, recognizer => recognizer.decision_values(seen))
+    pub(super) fn answer(&self, seen: &Seen) -> Option<Said> {
+        of_each!(Self, self, recognizer => recognizer.answer(seen))
     }
 
     pub(super) fn check_addition(&self) -> Result<(), AddError> {
@@ -341,15 +372,9 @@ pub(super) struct Opinion {
 }
 
 impl Opinion {
-    /// One number a machine or room; `None` of a frame that shows it nothing.
-    pub(super) fn decision_values(&self, features: &Features) -> Option<Vec<f32>> {
-        self.trained.decision_values(features.of(&self.sight)?)
-    }
-
     /// `None` of a frame that shows it nothing.
-    pub(super) fn vote(&self, features: &Features) -> Option<Vote> {
-        let values = self.decision_values(features)?;
-        Some(Vote { weight: self.weight, probabilities: self.calibration.probabilities(&values) })
+    pub(super) fn answer(&self, features: &Features) -> Option<Said> {
+        self.trained.answer(features.of(&self.sight)?)
     }
 
     /// What spoke for and against a room.

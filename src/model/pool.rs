@@ -1,22 +1,22 @@
 //! How opinions agree: their probabilities multiplied, each to the power of a weight, and how the weights are
 //! fitted.
 
+use super::logit::{self, Case, Prior};
+
 /// How far a fitted weight typically lies from what is taken for it where nothing is known. With a few held-out frames
 /// weights stay near the prior ones; hundreds outvote them.
 const PRIOR_SPREAD: f64 = 0.3;
 
-/// Above this no weight is fitted.
-const MAX_WEIGHT: f64 = 10.0;
-
+/// Rounds of expectation maximization.
 const MAX_STEPS: usize = 50;
 
 /// What an opinion says of a frame.
 #[derive(Clone, Debug)]
-pub(super) struct Vote {
+struct Vote {
     /// How much it counts.
-    pub(super) weight: f64,
+    weight: f64,
     /// One a room.
-    pub(super) probabilities: Vec<f32>,
+    probabilities: Vec<f32>,
 }
 
 /// One probability a room from those of each opinion that saw something, nothing without any: their product, each
@@ -24,7 +24,7 @@ pub(super) struct Vote {
 /// "Combining Probability Distributions: A Critique and an Annotated Bibliography", Statistical Science 1986).
 /// So who is sure counts more than who is not, as in Pronobis and Caputo, "Confidence-based Cue Integration for
 /// Visual Place Recognition", IROS 2007. A single opinion is the answer as it is.
-pub(super) fn pooled(votes: impl Iterator<Item = Vote>) -> Vec<f32> {
+fn pooled(votes: impl Iterator<Item = Vote>) -> Vec<f32> {
     let mut votes = votes.filter(|vote| vote.weight > 0.0).peekable();
     let Some(Vote { weight, probabilities: first }) = votes.next() else { return Vec::new() };
     if votes.peek().is_none() {
@@ -51,12 +51,22 @@ pub(super) fn softmax(values: &[f64]) -> Vec<f64> {
 }
 
 /// The same probabilities where one in so many frames shows what was never seen, of which each room is as probable.
-pub(super) fn doubted(mut probabilities: Vec<f32>, doubt: f64) -> Vec<f32> {
+fn doubted(mut probabilities: Vec<f32>, doubt: f64) -> Vec<f32> {
     if doubt > 0.0 {
         let share = doubt / probabilities.len().max(1) as f64;
         probabilities.iter_mut().for_each(|p| *p = ((1.0 - doubt) * f64::from(*p) + share) as f32);
     }
     probabilities
+}
+
+/// What opinions say together: one probability a room from those of each that saw something and its weight, `doubt` of
+/// it shared among all rooms. `None` where none saw anything that counts.
+pub(super) fn answer(by_opinion: &[Option<Vec<f32>>], weights: &[f64], doubt: f64) -> Option<Vec<f32>> {
+    let votes = by_opinion.iter().zip(weights);
+    let votes = votes
+        .filter_map(|(probabilities, &weight)| Some(Vote { weight, probabilities: probabilities.clone()? }));
+    let probabilities = doubted(pooled(votes), doubt);
+    (!probabilities.is_empty()).then_some(probabilities)
 }
 
 /// The share of frames that show what was never seen: that under which the rooms that frames show are most probable, by
@@ -67,11 +77,8 @@ pub(super) fn fit_doubt(frames: &[Judged], weights: &[f64], n_places: usize) -> 
         return 0.0;
     }
     let of_label = |frame: &Judged| {
-        let votes = frame.by_opinion.iter().zip(weights);
-        let votes = votes.filter_map(|(probabilities, &weight)| {
-            Some(Vote { weight, probabilities: probabilities.clone()? })
-        });
-        pooled(votes).get(frame.label).map_or(1.0 / n_places as f64, |&p| f64::from(p))
+        let probabilities = answer(&frame.by_opinion, weights, 0.0);
+        probabilities.map_or(1.0 / n_places as f64, |probabilities| f64::from(probabilities[frame.label]))
     };
     let of_labels: Vec<f64> = frames.iter().map(of_label).collect();
     let mut doubt = 0.5;
@@ -92,127 +99,16 @@ pub(super) struct Judged {
     pub(super) by_opinion: Vec<Option<Vec<f32>>>,
 }
 
-/// The weights from 0 to [`MAX_WEIGHT`] under which the rooms that frames show were most probable, held near `prior`:
-/// conditional logistic regression on the logarithms, with a Gaussian prior, by Newton's method on the weights that
-/// are not at a bound (Bertsekas, "Projected Newton Methods for Optimization Problems with Simple Constraints", 1982).
-/// Without frames they are the prior ones.
+/// The weights under which the rooms that frames show were most probable, held near `prior`; see [`logit::fit`]. Without
+/// frames they are the prior ones.
 pub(super) fn fit_weights(frames: &[Judged], prior: &[f64]) -> Vec<f64> {
-    let frames: Vec<Logs> = frames.iter().map(Logs::of).collect();
-    let mut weights = prior.to_vec();
-    let mut cost = Slope::at(&frames, &weights, prior);
-    for _ in 0..MAX_STEPS {
-        let step = cost.newton_step(&weights);
-        let tried = std::iter::successors(Some(1.0), |share: &f64| Some(share / 2.0))
-            .take_while(|&share| share > 1e-6)
-            .map(|share| {
-                let moved = weights.iter().zip(&step).map(|(w, d)| (w + share * d).clamp(0.0, MAX_WEIGHT));
-                let moved: Vec<f64> = moved.collect();
-                let slope = Slope::at(&frames, &moved, prior);
-                (moved, slope)
-            })
-            .find(|(_, slope)| slope.cost < cost.cost - 1e-9);
-        let Some((moved, slope)) = tried else { break };
-        (weights, cost) = (moved, slope);
-    }
-    weights
-}
-
-/// A frame with the logarithms of its probabilities.
-struct Logs {
-    label: usize,
-    by_opinion: Vec<Option<Vec<f64>>>,
-}
-
-impl Logs {
-    fn of(frame: &Judged) -> Self {
-        let logs = |probabilities: &Option<Vec<f32>>| probabilities.as_deref().map(|p| logs(p).collect());
-        Self { label: frame.label, by_opinion: frame.by_opinion.iter().map(logs).collect() }
-    }
-}
-
-/// Minus the logarithm of how probable the frames are, with the prior, and how it changes with the weights.
-struct Slope {
-    cost: f64,
-    gradient: Vec<f64>,
-    /// Row by row.
-    hessian: Vec<Vec<f64>>,
-}
-
-impl Slope {
-    fn at(frames: &[Logs], weights: &[f64], prior: &[f64]) -> Self {
-        let n = weights.len();
-        let precision = PRIOR_SPREAD.powi(-2);
-        let mut slope = Self { cost: 0.0, gradient: vec![0.0; n], hessian: vec![vec![0.0; n]; n] };
-        for idx in 0..n {
-            let off = weights[idx] - prior[idx];
-            slope.cost += precision * off * off / 2.0;
-            slope.gradient[idx] = precision * off;
-            slope.hessian[idx][idx] = precision;
-        }
-        frames.iter().for_each(|frame| slope.add(frame, weights));
-        slope
-    }
-
-    fn add(&mut self, frame: &Logs, weights: &[f64]) {
-        let opinions = || frame.by_opinion.iter().enumerate();
-        let present = || opinions().filter_map(|(idx, logs)| Some((idx, logs.as_ref()?)));
-        // A single opinion is the answer whatever it counts.
-        let Some(n_places) = present().nth(1).map(|(_, logs)| logs.len()) else { return };
-        let mut sums = vec![0.0; n_places];
-        for (idx, logs) in present() {
-            sums.iter_mut().zip(logs).for_each(|(sum, log)| *sum += weights[idx] * log);
-        }
-        let probabilities = softmax(&sums);
-        self.cost -= probabilities[frame.label].max(f64::MIN_POSITIVE).ln();
-        let mean = |logs: &[f64]| logs.iter().zip(&probabilities).map(|(log, p)| log * p).sum::<f64>();
-        for (row, logs) in present() {
-            let of_row = mean(logs);
-            self.gradient[row] += of_row - logs[frame.label];
-            for (column, others) in present() {
-                let products = logs.iter().zip(others).zip(&probabilities).map(|((a, b), p)| a * b * p);
-                self.hessian[row][column] += products.sum::<f64>() - of_row * mean(others);
-            }
-        }
-    }
-
-    /// Where the gradient points out of the bounds, nowhere.
-    fn newton_step(&self, weights: &[f64]) -> Vec<f64> {
-        let is_held = |idx: usize| {
-            (weights[idx] <= 0.0 && self.gradient[idx] > 0.0)
-                || (weights[idx] >= MAX_WEIGHT && self.gradient[idx] < 0.0)
-        };
-        let free: Vec<usize> = (0..weights.len()).filter(|&idx| !is_held(idx)).collect();
-        let mut rows: Vec<Vec<f64>> = free
-            .iter()
-            .map(|&row| {
-                let of_free = free.iter().map(|&column| self.hessian[row][column]);
-                of_free.chain([-self.gradient[row]]).collect()
-            })
-            .collect();
-        let solved = solve(&mut rows);
-        let mut step = vec![0.0; weights.len()];
-        free.into_iter().zip(solved).for_each(|(idx, part)| step[idx] = part);
-        step
-    }
-}
-
-/// Solves equations of a positive definite matrix, the right side in the last column, by elimination.
-fn solve(rows: &mut [Vec<f64>]) -> Vec<f64> {
-    let n = rows.len();
-    for pivot in 0..n {
-        let (above, below) = rows.split_at_mut(pivot + 1);
-        let of_pivot = &above[pivot];
-        for row in below {
-            let factor = row[pivot] / of_pivot[pivot];
-            row.iter_mut().zip(of_pivot).skip(pivot).for_each(|(value, part)| *value -= factor * part);
-        }
-    }
-    let mut solution = vec![0.0; n];
-    for row in (0..n).rev() {
-        let known: f64 = (row + 1..n).map(|column| rows[row][column] * solution[column]).sum();
-        solution[row] = (rows[row][n] - known) / rows[row][row];
-    }
-    solution
+    let case = |judged: &Judged| Case {
+        label: judged.label,
+        weight: 1.0,
+        by_part: judged.by_opinion.iter().map(|p| p.as_deref().map(|p| logs(p).collect())).collect(),
+    };
+    let prior: Vec<Prior> = prior.iter().map(|&mean| Prior { mean, spread: PRIOR_SPREAD }).collect();
+    logit::fit(&frames.iter().map(case).collect::<Vec<_>>(), &prior)
 }
 
 #[cfg(test)]
@@ -287,23 +183,5 @@ mod tests {
         assert_eq!(fit_weights(&[], &prior), prior);
         let few = fit_weights(&frames(3), &prior);
         assert!(few.iter().zip(prior).all(|(weight, prior)| (weight - prior).abs() < 0.3), "{few:?}");
-    }
-
-    #[test]
-    fn no_other_weights_make_the_frames_more_probable() {
-        let logs: Vec<Logs> = frames(60).iter().map(Logs::of).collect();
-        let prior = [0.3, 0.9, 0.5];
-        let weights = fit_weights(&frames(60), &prior);
-        let best = Slope::at(&logs, &weights, &prior).cost;
-        for idx in 0..3 {
-            for change in [-1e-3, 1e-3] {
-                let mut near = weights.clone();
-                near[idx] = (near[idx] + change).max(0.0);
-                assert!(
-                    Slope::at(&logs, &near, &prior).cost >= best - 1e-9,
-                    "{weights:?}, {idx} by {change}"
-                );
-            }
-        }
     }
 }

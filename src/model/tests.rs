@@ -59,7 +59,7 @@ fn new_frames_of_known_rooms_are_recognized() {
     for scheme in [Scheme::OneVsAll, Scheme::OneVsOne] {
         let svm = svm::Config { scheme, ..svm::Config::default() };
         let config = with_classifier(Classifier::LinearSvm(svm));
-        let Training { model, held_out } = trained(&config);
+        let Training { model, held_out, .. } = trained(&config);
         assert_eq!(model.places(), ["bars", "dots", "stripes"]);
         assert_eq!(held_out.len(), 48);
         let mut random = ChaCha8Rng::seed_from_u64(99);
@@ -128,7 +128,7 @@ fn patterns_take_part_in_every_answer_and_come_back_from_the_file() {
     for (a, b) in without.probabilities.iter().zip(&unheard.probabilities) {
         assert!((a - b).abs() < 1e-5, "{without:?} {unheard:?}");
     }
-    let Training { model, held_out } = trained(&weighing(0.7));
+    let Training { model, held_out, .. } = trained(&weighing(0.7));
     assert_ne!(answer(&model).probabilities, without.probabilities);
     let places = ["stripes", "bars", "dots"];
     let is_right =
@@ -158,7 +158,7 @@ fn a_memory_of_frames_without_keypoints_knows_nothing() {
     for n_empty in [0, 4] {
         let mut samples = full.clone();
         samples[..n_empty].iter_mut().for_each(|sample| sample.features = empty.clone());
-        let Training { model, held_out } =
+        let Training { model, held_out, .. } =
             train(&samples, &config, Camera::new(Projection::Perspective)).unwrap();
         assert_eq!(held_out.len(), 24 - n_empty);
         let answer = model.recognize(&black, &mut Scratch::default());
@@ -192,7 +192,7 @@ fn patterns_answer_frames_without_keypoints() {
         assert_eq!(features.n_keypoints(), 0);
         all.push(Sample { features, ..all[idx].clone() });
     }
-    let Training { model, held_out } = train(&all, &config, Camera::new(Projection::Perspective)).unwrap();
+    let Training { model, held_out, .. } = train(&all, &config, Camera::new(Projection::Perspective)).unwrap();
     assert_eq!(held_out.len(), all.len(), "all frames are held out once");
     for (place_idx, place) in ["stripes", "bars", "dots"].iter().enumerate() {
         let answer = model.recognize(&smooth(place_idx, &mut random), &mut Scratch::default());
@@ -220,12 +220,12 @@ fn without_a_probability_that_is_right_often_enough_nothing_is_known() {
     let mut training = trained(&config());
     assert!(training.held_out.iter().any(|answer| answer.recognition.known));
     let features = &samples(&config(), 1, 9)[0].features;
-    training.model.classification.known_probability = Some(1.0);
+    training.model.classification.known = Some(Known { least_probability: 1.0, most_novelty: 1.0 });
     let sigmoids = svm::Calibration::from_parts(Scheme::OneVsAll, 3, vec![1e6; 3], vec![0.0; 3]).unwrap();
     training.model.classification.opinions[0].calibration = Calibration::Sigmoids(sigmoids);
     let sure = training.model.classify(features);
     assert_eq!((sure.probability(), sure.known), (1.0, true));
-    training.model.classification.known_probability = None;
+    training.model.classification.known = None;
     let back = Model::from_bytes(&training.model.to_bytes().unwrap()).unwrap();
     for model in [training.model, back] {
         assert_eq!(model.known_probability(), None);
@@ -247,9 +247,9 @@ fn assert_evidence_sums_to_the_decision_value(model: &Model) {
         spots: vec![crate::camera::Spot { across: Some(0.0), down: 0.0 }],
     });
     let sum: f32 = evidence.iter().map(|evidence| evidence.weight).sum();
-    let values = bag.decision_values(&features).unwrap();
+    let values = bag.answer(&features).unwrap().values;
     let nothing = Features { seen: vec![nothing], ..features.clone() };
-    let of_word = bag.decision_values(&nothing).unwrap()[1];
+    let of_word = bag.answer(&nothing).unwrap().values[1];
     let weight = model.explain(&nothing, 1)[0].weight;
     assert!((sum - (weight - of_word) - values[1]).abs() < 1e-3);
 }
@@ -356,7 +356,7 @@ fn training_refuses_what_makes_no_model() {
 #[test]
 fn where_nothing_can_be_held_out_nothing_is_known() {
     let config = config().with_patterns(0.5, PatternsConfig::default());
-    let Training { model, held_out } =
+    let Training { model, held_out, .. } =
         train(&samples(&config, 3, 1), &config, Camera::new(Projection::Perspective)).unwrap();
     assert!(held_out.is_empty() && model.known_probability().is_none());
     let answer = model.classify(&samples(&config, 3, 1)[0].features);

@@ -53,8 +53,11 @@ pub struct AnswerEvent {
     pub probability: f32,
     /// The rooms with their probabilities, the most probable first.
     pub probabilities: Vec<RoomProbability>,
-    /// Whether the frame's own answer is one to act on.
+    /// Whether the room is one to act on, for the stream's filter where there is one.
     pub known: bool,
+    /// How probable it is that the place was never trained, 0 to 1; left out where the model cannot tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub novelty: Option<f32>,
     /// From the frame's arrival to its answer, in milliseconds.
     pub latency_ms: f64,
 }
@@ -69,6 +72,7 @@ impl AnswerEvent {
             probability: answer.probability,
             probabilities: answer.probabilities.clone(),
             known: answer.known,
+            novelty: answer.novelty,
             latency_ms,
         }
     }
@@ -82,6 +86,8 @@ impl AnswerEvent {
             Some(filtered) => Self {
                 stream,
                 room: filtered.room.clone(),
+                known: filtered.known,
+                novelty: filtered.novelty,
                 probability: filtered.probability,
                 probabilities: filtered.probabilities.clone(),
                 ..of_frame
@@ -115,6 +121,12 @@ pub struct RobotInfo {
     /// Its room: of the stream's filter where there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub room: Option<String>,
+    /// Whether that room is one to act on.
+    #[serde(default)]
+    pub known: bool,
+    /// How probable it is that the robot is in a place that was never trained, 0 to 1; left out where the model cannot tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub novelty: Option<f32>,
     /// For how long it has been in the room, in seconds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub in_room_s: Option<f64>,
@@ -145,6 +157,9 @@ pub struct PastAnswer {
     pub seq: u64,
     /// The room: of the stream's filter where there is one.
     pub room: String,
+    /// Whether it was one to act on.
+    #[serde(default)]
+    pub known: bool,
     /// Its probability.
     pub probability: f32,
     /// Where the time went.

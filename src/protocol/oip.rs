@@ -119,8 +119,10 @@ pub enum OutputName {
     Room,
     /// Its probability.
     Probability,
-    /// Whether frames answered with this confidence were mostly right when the model was validated.
+    /// Whether the answer is trusted and the place is one of those trained.
     Known,
+    /// How probable it is that the frame shows a place that was never trained; 0 where the model cannot tell.
+    Novelty,
     /// The probabilities of all rooms, in the order of `rooms`.
     Probabilities,
     /// The rooms that the model tells apart.
@@ -177,13 +179,14 @@ pub struct LoadRequest {
 
 impl OutputName {
     /// All of them, in the order of the metadata.
-    pub const ALL: [Self; 5] = [Self::Room, Self::Probability, Self::Known, Self::Probabilities, Self::Rooms];
+    pub const ALL: [Self; 6] =
+        [Self::Room, Self::Probability, Self::Known, Self::Novelty, Self::Probabilities, Self::Rooms];
 
     /// What its elements are.
     pub fn datatype(self) -> Datatype {
         match self {
             Self::Room | Self::Rooms => Datatype::Bytes,
-            Self::Probability | Self::Probabilities => Datatype::Fp32,
+            Self::Probability | Self::Novelty | Self::Probabilities => Datatype::Fp32,
             Self::Known => Datatype::Bool,
         }
     }
@@ -191,7 +194,7 @@ impl OutputName {
     /// Its shape, for so many frames and rooms.
     pub fn shape(self, n_frames: i64, n_rooms: i64) -> Vec<i64> {
         match self {
-            Self::Room | Self::Probability | Self::Known => vec![n_frames],
+            Self::Room | Self::Probability | Self::Known | Self::Novelty => vec![n_frames],
             Self::Probabilities => vec![n_frames, n_rooms],
             Self::Rooms => vec![n_rooms],
         }
@@ -203,6 +206,7 @@ impl OutputName {
             Self::Room => "room",
             Self::Probability => "probability",
             Self::Known => "known",
+            Self::Novelty => "novelty",
             Self::Probabilities => "probabilities",
             Self::Rooms => "rooms",
         }

@@ -56,7 +56,7 @@ pub struct FrameJson<'a> {
 /// Which room a frame shows.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 #[schema(example = json!({
-    "room": "kitchen", "known": true, "probability": 0.83,
+    "room": "kitchen", "known": true, "novelty": 0.07, "probability": 0.83,
     "probabilities": [{"room": "kitchen", "probability": 0.83}, {"room": "corridor", "probability": 0.17}],
     "model": {"name": "lab", "version": 1, "epoch": 1, "digest": "5f0c2a9be1d34c77"},
     "keypoints": 182,
@@ -66,10 +66,17 @@ pub struct FrameJson<'a> {
 pub struct Answer {
     /// The most probable room.
     pub room: String,
-    /// Whether frames answered with this confidence were mostly right when the model was
-    /// validated; do not act on the room where false.
+    /// Whether the answer is trusted and the place is one of those trained: such answers were right as often as the model
+    /// promises when it was validated. Do not act on the room where false.
     pub known: bool,
-    /// The room's probability, 0 to 1.
+    /// Why it is not known; left out where it is.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unknown: Option<Unknown>,
+    /// How probable it is that the frame shows a place that was never trained, 0 to 1, as if every other frame did; left
+    /// out where the model cannot tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub novelty: Option<f32>,
+    /// The room's probability, 0 to 1, if the place is one of those trained.
     pub probability: f32,
     /// The rooms with their probabilities, the most probable first; all of them sum to 1.
     pub probabilities: Vec<RoomProbability>,
@@ -94,6 +101,22 @@ pub struct Answer {
     /// Where asked for: the keypoints that spoke for and against the room, strongest first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evidence: Option<Vec<KeypointEvidence>>,
+}
+
+/// Why an answer is not known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Unknown {
+    /// No room is probable enough.
+    Unsure,
+    /// It looks like no place that was trained.
+    NewPlace,
+    /// There is nothing to see in the frame.
+    NoDetail,
+    /// The frame is too dark to see anything.
+    Dark,
+    /// Something is before the lens.
+    Covered,
 }
 
 fn is_zero(number: &usize) -> bool {

@@ -279,7 +279,14 @@ pub enum NoticeKind {
 pub struct Filtered {
     /// The most probable room.
     pub room: String,
-    /// Its probability, 0 to 1.
+    /// Whether the frames up to now say clearly that the robot is in that room; do not act on the room where false.
+    #[serde(default)]
+    pub known: bool,
+    /// The probability that the robot is in a place that the model was never trained on, 0 to 1; left out where the model
+    /// cannot tell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub novelty: Option<f32>,
+    /// The room's probability, 0 to 1, if the robot is in one of the rooms.
     pub probability: f32,
     /// The rooms with their probabilities, the most probable first.
     pub probabilities: Vec<RoomProbability>,

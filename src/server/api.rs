@@ -5,10 +5,10 @@ use super::recognize::{Seen, Timings};
 use super::registry::{
     CANARY, Entry, Failure, PREVIOUS, Registry, SHADOW, STABLE, ServedModel, Serving, Tally, Version,
 };
-use crate::model::{Evidence, Model, NetworkEntry};
+use crate::model::{self, Evidence, Model, NetworkEntry};
 use crate::protocol::rest::{
     Answer, BatchResult, FailureInfo, KeypointEvidence, KindInfo, ModelInfo, ModelName, NetworkInfo,
-    RecognizeQuery, RoomProbability, ShadowInfo, TimingsMs, VersionInfo,
+    RecognizeQuery, RoomProbability, ShadowInfo, TimingsMs, Unknown, VersionInfo,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -25,6 +25,8 @@ impl Answer {
         Self {
             room: places[recognition.place_idx].clone(),
             known: recognition.known,
+            unknown: recognition.unknown.map(Unknown::from),
+            novelty: recognition.novelty,
             probability: recognition.probabilities[recognition.place_idx],
             probabilities: rooms(places, &recognition.probabilities, query.top),
             model: ModelName::from(&**served),
@@ -35,6 +37,18 @@ impl Answer {
             robot: query.robot.clone(),
             captured_at: query.captured_at.clone(),
             evidence: seen.evidence.map(|all| all.into_iter().map(KeypointEvidence::from).collect()),
+        }
+    }
+}
+
+impl From<model::Unknown> for Unknown {
+    fn from(why: model::Unknown) -> Self {
+        match why {
+            model::Unknown::Unsure => Self::Unsure,
+            model::Unknown::NewPlace => Self::NewPlace,
+            model::Unknown::NoDetail => Self::NoDetail,
+            model::Unknown::Dark => Self::Dark,
+            model::Unknown::Covered => Self::Covered,
         }
     }
 }

@@ -6,7 +6,7 @@ use super::openapi::{RobotProblems, ViewerProblems};
 use super::problem::Problem;
 use crate::protocol::event::{FrameCounts, PastAnswer, RobotInfo, RobotList, RobotName};
 use crate::protocol::rest::TimingsMs;
-use crate::protocol::stream::{DropReason, Mode, StreamResult};
+use crate::protocol::stream::{DropReason, Filtered, Mode, StreamResult};
 use axum::Json;
 use axum::extract::{Path, State};
 use std::collections::VecDeque;
@@ -42,6 +42,8 @@ struct Known {
 struct Told {
     seq: u64,
     room: String,
+    known: bool,
+    novelty: Option<f32>,
     probability: f32,
     timings_ms: TimingsMs,
     at: Instant,
@@ -90,12 +92,28 @@ impl Record {
     /// It told a room.
     pub fn answered(&self, result: &StreamResult) {
         let StreamResult { seq, answer, filtered, .. } = result;
-        let (room, probability) = match filtered {
-            Some(filtered) => (&filtered.room, filtered.probability),
-            None => (&answer.room, answer.probability),
-        };
         let at = Instant::now();
-        let told = Told { seq: *seq, room: room.clone(), probability, timings_ms: answer.timings_ms, at };
+        let (seq, timings_ms) = (*seq, answer.timings_ms);
+        let told = match filtered {
+            Some(Filtered { room, known, novelty, probability, .. }) => Told {
+                seq,
+                room: room.clone(),
+                known: *known,
+                novelty: *novelty,
+                probability: *probability,
+                timings_ms,
+                at,
+            },
+            None => Told {
+                seq,
+                room: answer.room.clone(),
+                known: answer.known,
+                novelty: answer.novelty,
+                probability: answer.probability,
+                timings_ms,
+                at,
+            },
+        };
         let mut known = self.known();
         known.frames.results += 1;
         if known.room.as_ref().is_none_or(|(room, _)| *room != told.room) {
@@ -132,6 +150,7 @@ impl Record {
         let past = |told: &Told| PastAnswer {
             seq: told.seq,
             room: told.room.clone(),
+            known: told.known,
             probability: told.probability,
             timings_ms: told.timings_ms,
             ago_s: told.at.elapsed().as_secs_f64(),
@@ -143,6 +162,8 @@ impl Record {
             streaming_s: self.began.elapsed().as_secs_f64(),
             mode: known.mode,
             room: known.room.as_ref().map(|(room, _)| room.clone()),
+            known: known.answers.front().is_some_and(|last| last.known),
+            novelty: known.answers.front().and_then(|last| last.novelty),
             in_room_s: known.room.as_ref().map(|(_, since)| since.elapsed().as_secs_f64()),
             frames: known.frames.clone(),
             answers: known.answers.iter().map(past).collect(),

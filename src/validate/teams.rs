@@ -79,7 +79,7 @@ impl Method {
             Self::Every(teams) => {
                 let mut trials = Trials::run(samples, config, |_| ())?;
                 let mut finish = |part: &Config| {
-                    trials.finish(&seeded(part), camera.clone()).map(|training| training.model)
+                    trials.finish(&seeded(part), camera.clone(), |_| ()).map(|training| training.model)
                 };
                 let trained = teams.iter().enumerate().map(|(team_idx, team)| {
                     Ok(Trained { team_idx, model: finish(&team.config)?, choice: None })

@@ -61,12 +61,19 @@ mod tests {
         let keypoints = vec![Keypoint::new(0.0, 0.0, 1.0); n_keypoints];
         let descriptors = Matrix::zeros(n_keypoints, 1);
         let seen = Seen::Local(LocalFeatures { keypoints, descriptors, spots: Vec::new() });
-        let features = Features { sights: Arc::default(), seen: vec![seen], scale: 1.0 };
+        let features = Features { sights: Arc::default(), seen: vec![seen], scale: 1.0, flaw: None };
         Sample { place: place.to_owned(), sequence: String::new(), name: String::new(), features }
     }
 
     fn answer(sample_idx: usize) -> HeldOut {
-        let recognition = Recognition { place_idx: 0, known: true, probabilities: vec![1.0], n_keypoints: 1 };
+        let recognition = Recognition {
+            place_idx: 0,
+            known: true,
+            novelty: None,
+            unknown: None,
+            probabilities: vec![1.0],
+            n_keypoints: 1,
+        };
         HeldOut { sample_idx, recognition }
     }
 

@@ -91,7 +91,7 @@ fn a_new_room_joins_the_others_in_order() {
     let first = train(&rest, &config);
     let mut with_dots = [&dots[..], &rest[..4]].concat();
     with_dots.iter_mut().for_each(|sample| sample.sequence = "c".to_owned());
-    let Training { model, held_out } = add(&first, &with_dots, 0.05).unwrap();
+    let Training { model, held_out, .. } = add(&first, &with_dots, 0.05).unwrap();
     assert_eq!(model.places(), ["bars", "dots", "stripes"]);
     assert_eq!(held_out.len(), 4, "frames of a room unknown before cannot be held out");
     let is_right =

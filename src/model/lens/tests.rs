@@ -79,7 +79,7 @@ fn answer(model: &Model, room: usize, seed: u64) -> (String, Vec<f32>) {
 #[test]
 fn rooms_are_told_apart_by_a_vector_and_the_model_carries_the_network() {
     let Some(config) = linked("a model that looks through a network") else { return };
-    let Training { model, held_out } = train(&config, &samples(&config, &[0, 1, 2], 1));
+    let Training { model, held_out, .. } = train(&config, &samples(&config, &[0, 1, 2], 1));
     assert_eq!(held_out.len(), 24);
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("model");

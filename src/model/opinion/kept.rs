@@ -14,6 +14,8 @@ pub(super) struct KeptRows {
     values: Vec<i8>,
     /// One a row: what a value of 1 stands for.
     units: Vec<f32>,
+    /// The length of each row, in its unit.
+    lengths: Vec<f32>,
 }
 
 const LARGEST: f32 = 127.0;
@@ -28,8 +30,25 @@ impl KeptRows {
     fn push(&mut self, row: &[f32]) {
         let largest = row.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
         let unit = if largest > 0.0 { largest / LARGEST } else { 1.0 };
-        self.values.extend(row.iter().map(|value| (value / unit).round() as i8));
+        let values: Vec<i8> = row.iter().map(|value| (value / unit).round() as i8).collect();
+        self.push_values(&values, unit);
+    }
+
+    fn push_values(&mut self, values: &[i8], unit: f32) {
+        self.values.extend(values);
         self.units.push(unit);
+        self.lengths.push(length(values.iter().map(|&value| f32::from(value))));
+    }
+
+    /// The largest cosine between a row of as many numbers and one that is kept, -1 without any.
+    pub(super) fn nearest_cosine(&self, row: &[f32]) -> f32 {
+        let of_row = length(row.iter().copied());
+        let cosine = |(values, of_kept): (&[i8], &f32)| {
+            let product: f32 = values.iter().zip(row).map(|(&kept, value)| f32::from(kept) * value).sum();
+            product / (of_kept * of_row).max(f32::MIN_POSITIVE)
+        };
+        let rows = self.values.chunks_exact(self.n_cols.max(1)).zip(&self.lengths);
+        rows.map(cosine).fold(-1.0, f32::max)
     }
 
     pub(super) fn n_rows(&self) -> usize {
@@ -65,8 +84,7 @@ impl KeptRows {
         let mut kept = Self { n_cols: self.n_cols, ..Self::default() };
         let rows = self.values.chunks_exact(self.n_cols.max(1)).zip(&self.units);
         for ((values, unit), _) in rows.zip(left.is_left).filter(|(_, is_left)| **is_left) {
-            kept.values.extend(values);
-            kept.units.push(*unit);
+            kept.push_values(values, *unit);
         }
         Some(kept)
     }
@@ -92,8 +110,16 @@ impl KeptRows {
         require(n_rows == units.len() && n_rows == shape.n_frames, "its kept rows are not one a frame")?;
         let are_units = units.iter().all(|unit| unit.is_finite() && (0.0..1e9).contains(unit));
         require(are_units, "its kept rows are not finite")?;
-        Ok(Self { n_cols, values, units })
+        let mut kept = Self { n_cols, ..Self::default() };
+        for (row, unit) in values.chunks_exact(n_cols.max(1)).zip(units) {
+            kept.push_values(row, unit);
+        }
+        Ok(kept)
     }
+}
+
+fn length(values: impl Iterator<Item = f32>) -> f32 {
+    values.map(|value| value * value).sum::<f32>().sqrt()
 }
 
 #[cfg(test)]
@@ -111,6 +137,15 @@ mod tests {
                 prop_assert!(row.iter().zip(back).all(|(a, b)| (a - b).abs() <= largest / 250.0));
             }
         }
+    }
+
+    #[test]
+    fn the_nearest_row_is_the_one_of_the_same_direction() {
+        let kept = KeptRows::new(&Matrix::from_vec(vec![1.0, 0.0, 3.0, 4.0], 2).unwrap());
+        assert!((kept.nearest_cosine(&[6.0, 8.0]) - 1.0).abs() < 1e-4);
+        assert!((kept.nearest_cosine(&[0.0, -1.0]) - 0.0).abs() < 1e-4);
+        assert_eq!(kept.nearest_cosine(&[0.0, 0.0]), 0.0);
+        assert_eq!(KeptRows::default().nearest_cosine(&[1.0]), -1.0);
     }
 
     #[test]

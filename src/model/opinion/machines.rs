@@ -11,7 +11,7 @@ use super::super::lens::Lens;
 use super::super::sight::{LocalFeatures, Seen, Sight};
 use super::super::{AddError, TrainError};
 use super::kept::KeptRows;
-use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Shape, Size, Tries};
+use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Said, Shape, Sign, Size, Tries};
 use crate::boost::{self, Boost};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
@@ -164,6 +164,25 @@ impl MachinesConfig {
     pub(super) fn prior_weight(&self) -> f64 {
         0.5
     }
+
+    pub(super) fn signs(&self) -> &'static [Sign] {
+        &MACHINE_SIGNS
+    }
+}
+
+/// What decision values of machines tell of how familiar a frame is; see [`signs_of`].
+pub(super) const MACHINE_SIGNS: [Sign; 2] =
+    [Sign { name: "value", prior_weight: 0.3 }, Sign { name: "gap", prior_weight: 0.3 }];
+
+/// The largest decision value, and how far it is above the second.
+pub(super) fn signs_of(values: &[f32]) -> [f32; 2] {
+    let (mut first, mut second) = (f32::MIN, f32::MIN);
+    for &value in values {
+        second = second.max(value.min(first));
+        first = first.max(value);
+    }
+    // Two rooms have one machine.
+    if values.len() < 2 { [first.abs(); 2] } else { [first, first - second] }
 }
 
 /// What was trained.
@@ -243,14 +262,16 @@ impl Recognizer for Machines {
         }
     }
 
-    fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>> {
+    fn answer(&self, seen: &Seen) -> Option<Said> {
         let local = seen.local().filter(|local| !local.keypoints.is_empty())?;
-        Some(match &self.kind {
+        let values = match &self.kind {
             Kind::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.row(local.described())),
             Kind::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.row(local.described())),
             Kind::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.row(local.described())),
             Kind::Match(svm) => svm.decision_values(&local.descriptors),
-        })
+        };
+        let signs = signs_of(&values).to_vec();
+        Some(Said { values, signs })
     }
 
     fn check_addition(&self) -> Result<(), AddError> {

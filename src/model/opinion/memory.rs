@@ -6,7 +6,8 @@ use super::super::format::FormatError;
 use super::super::lens::Lens;
 use super::super::sight::{Seen, Sight};
 use super::super::{AddError, TrainError};
-use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Shape, Size, Tries};
+use super::machines::{MACHINE_SIGNS, signs_of};
+use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Said, Shape, Sign, Size, Tries};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
 use crate::matrix::Matrix;
@@ -118,7 +119,22 @@ impl MemoryConfig {
     pub(super) fn prior_weight(&self) -> f64 {
         1.0
     }
+
+    pub(super) fn signs(&self) -> &'static [Sign] {
+        &SIGNS
+    }
 }
+
+/// What a search tells of how familiar a frame is; see [`signs`].
+const SIGNS: [Sign; 7] = [
+    MACHINE_SIGNS[0],
+    MACHINE_SIGNS[1],
+    Sign { name: "score", prior_weight: 0.3 },
+    Sign { name: "score_gap", prior_weight: 0.3 },
+    Sign { name: "share", prior_weight: 0.3 },
+    Sign { name: "votes", prior_weight: 0.3 },
+    Sign { name: "nearest", prior_weight: 0.3 },
+];
 
 /// The memory; frames are numbered as the model has learned them.
 #[derive(Clone, Debug)]
@@ -146,6 +162,18 @@ impl Places {
         let parts = over_mean(scores).zip(over_mean(&best_votes));
         parts.map(|(score, votes)| share * (score + votes) / 2.0).collect()
     }
+}
+
+/// What a search tells of how familiar a frame is, in the order of [`SIGNS`]: the largest decision value and how far it is above
+/// the second, the largest score, how far that is above the second room's, its share in all scores, the most votes for
+/// one frame, and how near the nearest descriptors are.
+fn signs(recall: &Recall, values: &[f32]) -> Vec<f32> {
+    let best = recall.best_score();
+    let share = best / recall.place_scores.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+    let farthest = 4.0;
+    let nearest = -recall.mean_nearest.unwrap_or(farthest);
+    let of_recall = [best, recall.gap(), share, recall.most_votes(), nearest];
+    signs_of(values).into_iter().chain(of_recall).collect()
 }
 
 /// The logarithm of each over the mean of all; 0 where all are 0.
@@ -176,8 +204,11 @@ impl Recognizer for Places {
         Ok(Self { config: config.clone(), memory: prepared.memory(&origins, chosen.n_classes) })
     }
 
-    fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>> {
-        Some(self.decide(&self.memory.recall(seen.descriptors()?)))
+    fn answer(&self, seen: &Seen) -> Option<Said> {
+        let recall = self.memory.recall(seen.descriptors()?);
+        let values = self.decide(&recall);
+        let signs = signs(&recall, &values);
+        Some(Said { values, signs })
     }
 
     fn check_addition(&self) -> Result<(), AddError> {

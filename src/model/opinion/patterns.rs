@@ -3,8 +3,8 @@
 use super::super::calibration::Way;
 use super::super::lens::Lens;
 use super::super::sight::Sight;
-use super::Tries;
-use super::whole::{Whole, WholeConfig};
+use super::whole::{WHOLE_SIGNS, Whole, WholeConfig};
+use super::{Sign, Tries};
 use crate::describe::FrameLbp;
 use crate::svm;
 use serde::{Deserialize, Serialize};
@@ -53,6 +53,10 @@ impl PatternsConfig {
 
     pub(super) fn prior_weight(&self) -> f64 {
         1.0
+    }
+
+    pub(super) fn signs(&self) -> &'static [Sign] {
+        &WHOLE_SIGNS
     }
 }
 

@@ -5,8 +5,8 @@ use super::super::format::FormatError;
 use super::super::sight::Seen;
 use super::super::{AddError, TrainError};
 use super::kept::KeptRows;
-use super::machines::LinearArrays;
-use super::{Added, Chosen, Clue, Left, Recognizer, Shape, Size};
+use super::machines::{LinearArrays, MACHINE_SIGNS, signs_of};
+use super::{Added, Chosen, Clue, Left, Recognizer, Said, Shape, Sign, Size};
 use crate::matrix::Matrix;
 use crate::svm::{self, LinearSvm};
 
@@ -23,6 +23,10 @@ pub(in crate::model) struct Whole<C> {
     svm: LinearSvm,
     kept: KeptRows,
 }
+
+/// What an answer tells of how familiar a frame is: beside the decision values, the cosine to the nearest row.
+pub(super) const WHOLE_SIGNS: [Sign; 3] =
+    [MACHINE_SIGNS[0], MACHINE_SIGNS[1], Sign { name: "nearest", prior_weight: 0.5 }];
 
 impl<C: WholeConfig> Whole<C> {
     /// Trains on kept rows alone, so that it does not matter when they came.
@@ -46,8 +50,12 @@ impl<C: WholeConfig> Recognizer for Whole<C> {
         Ok(Self { config: config.clone(), svm, kept: KeptRows::new(&rows) })
     }
 
-    fn decision_values(&self, seen: &Seen) -> Option<Vec<f32>> {
-        seen.whole().map(|values| self.svm.decision_values(values))
+    fn answer(&self, seen: &Seen) -> Option<Said> {
+        let whole = seen.whole()?;
+        let values = self.svm.decision_values(whole);
+        let nearest = self.kept.nearest_cosine(whole);
+        let signs = signs_of(&values).into_iter().chain([nearest]).collect();
+        Some(Said { values, signs })
     }
 
     fn check_addition(&self) -> Result<(), AddError> {

@@ -142,6 +142,10 @@ fn push(response: &mut InferResponse, output: AskedOutput, answers: &[Answer], r
         OutputName::Room => Values::Bytes(answers.iter().map(|answer| answer.room.clone()).collect()),
         OutputName::Probability => Values::Fp32(answers.iter().map(|answer| answer.probability).collect()),
         OutputName::Known => Values::Bool(answers.iter().map(|answer| answer.known).collect()),
+        // A model that cannot tell has told no place to be new.
+        OutputName::Novelty => {
+            Values::Fp32(answers.iter().map(|answer| answer.novelty.unwrap_or_default()).collect())
+        }
         OutputName::Probabilities => {
             Values::Fp32(answers.iter().flat_map(|answer| probabilities(answer, rooms)).collect())
         }

@@ -104,6 +104,8 @@ mod tests {
         let answer = |probabilities: &[f32]| Recognition {
             place_idx: 0,
             known: true,
+            novelty: None,
+            unknown: None,
             probabilities: probabilities.to_vec(),
             n_keypoints: 9,
         };

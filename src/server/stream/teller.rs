@@ -151,14 +151,12 @@ impl Teller {
             at,
         });
         belief.at = at;
-        belief.filter.update(
-            model.transitions(),
-            elapsed.time.as_secs_f64(),
-            &seen.recognition.probabilities,
-        );
+        belief.filter.update(model.transitions(), elapsed.time.as_secs_f64(), seen.recognition.observation());
         let place_idx = belief.filter.place_idx();
         let told = Filtered {
             room: model.places()[place_idx].clone(),
+            known: belief.filter.is_known(),
+            novelty: belief.filter.novelty(),
             probability: belief.filter.belief()[place_idx],
             probabilities: api::rooms(model.places(), belief.filter.belief(), settings.top),
         };

@@ -1,0 +1,169 @@
+//! How a model would do at places that were never trained: rooms are left out in turn, from what was described already.
+
+use super::Config;
+use super::held_out::{Answer, Decided, Fusion};
+use super::known::{Known, Outcome};
+use super::novelty::{Novelty, Observed};
+use rand::SeedableRng;
+use rand::seq::SliceRandom;
+use rand_chacha::ChaCha8Rng;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The most groups that rooms are dealt into, of which one is left out at a time.
+const MAX_GROUPS: usize = 5;
+
+/// So many frames of left-out rooms are enough.
+const ENOUGH_FRAMES: usize = 300;
+
+/// A training without one fold and without some rooms, which decides the frames of the fold: so those of trained rooms and
+/// those of others were decided alike.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Round {
+    pub(super) fold: usize,
+    /// The samples that it trains on.
+    pub(super) training: Vec<usize>,
+    /// The samples that it decides.
+    pub(super) frames: Vec<RoundFrame>,
+}
+
+/// A sample that a round decides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct RoundFrame {
+    pub(super) sample_idx: usize,
+    /// Whether its room was left out.
+    pub(super) is_new: bool,
+}
+
+/// A frame that a round decided.
+#[derive(Clone, Debug)]
+pub(super) struct RoundDecision {
+    pub(super) fold: usize,
+    pub(super) decided: Decided,
+    /// Whether its room was left out.
+    pub(super) is_new: bool,
+}
+
+/// The rounds for samples of these folds and rooms: as few as decide enough frames of left-out rooms, each room left out as often
+/// as others. None where fewer than three rooms leave nothing to tell apart.
+pub(super) fn rounds(folds: &[usize], labels: &[usize], seed: u64) -> Vec<Round> {
+    let n_places = labels.iter().max().map_or(0, |last| last + 1);
+    let n_folds = folds.iter().max().map_or(0, |last| last + 1);
+    let mut places: Vec<usize> = (0..n_places).collect();
+    places.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+    let n_groups = n_places.min(MAX_GROUPS);
+    let mut group_of = vec![0; n_places];
+    places.iter().enumerate().for_each(|(rank, &place)| group_of[place] = rank % n_groups);
+    let (mut rounds, mut n_new) = (Vec::new(), 0);
+    for turn in 0..n_groups {
+        for fold in 0..n_folds {
+            let is_left_out = |idx: usize| group_of[labels[idx]] == (fold + turn) % n_groups;
+            let in_fold = |idx: &usize| folds[*idx] == fold;
+            let all = || 0..folds.len();
+            let training: Vec<usize> = all().filter(|idx| !in_fold(idx) && !is_left_out(*idx)).collect();
+            let trained: BTreeSet<usize> = training.iter().map(|&idx| labels[idx]).collect();
+            if trained.len() < 2 {
+                continue;
+            }
+            let frame = |sample_idx| RoundFrame { sample_idx, is_new: is_left_out(sample_idx) };
+            let frames = all().filter(in_fold).map(frame);
+            let frames = frames.filter(|frame| frame.is_new || trained.contains(&labels[frame.sample_idx]));
+            let frames: Vec<RoundFrame> = frames.collect();
+            n_new += frames.iter().filter(|frame| frame.is_new).count();
+            rounds.push(Round { fold, training, frames });
+        }
+        if n_new >= ENOUGH_FRAMES {
+            break;
+        }
+    }
+    if n_new == 0 { Vec::new() } else { rounds }
+}
+
+/// What tells new places, and which answers are known.
+pub(super) struct Judged {
+    pub(super) novelty: Option<Novelty>,
+    pub(super) known: Option<Known>,
+    /// By sample: how new each held-out frame looks to what was fitted without its fold.
+    pub(super) novelties: BTreeMap<usize, f32>,
+}
+
+/// Fits what tells new places to decisions of rounds, and chooses thresholds. `answers` are those to held-out samples, of
+/// these folds.
+pub(super) fn judge(
+    config: &Config,
+    fusion: &Fusion,
+    answers: &BTreeMap<usize, Answer>,
+    folds: &[usize],
+    decisions: &[RoundDecision],
+    n_places: usize,
+) -> Judged {
+    let decided: Vec<(usize, Answer, bool)> = decisions
+        .iter()
+        .map(|RoundDecision { fold, decided, is_new }| {
+            (*fold, fusion.answer(config, decided, n_places), *is_new)
+        })
+        .collect();
+    let mut observed: Vec<(usize, Observed)> = decided
+        .iter()
+        .map(|(fold, answer, is_new)| (*fold, Observed { signs: answer.signs.clone(), is_new: *is_new }))
+        .collect();
+    if observed.is_empty() {
+        let known = |(idx, answer): (&usize, &Answer)| {
+            (folds[*idx], Observed { signs: answer.signs.clone(), is_new: false })
+        };
+        observed = answers.iter().map(known).collect();
+    }
+    let fit = |is_wanted: &dyn Fn(usize) -> bool| {
+        let wanted = observed.iter().filter(|(fold, _)| is_wanted(*fold));
+        Novelty::fit(config, &wanted.map(|(_, observed)| observed.clone()).collect::<Vec<_>>())
+    };
+    let novelty = fit(&|_| true);
+    let all_folds: BTreeSet<usize> = folds.iter().copied().collect();
+    let without: BTreeMap<usize, Option<Novelty>> = all_folds
+        .into_iter()
+        .map(|fold| (fold, fit(&|other| other != fold).or_else(|| novelty.clone())))
+        .collect();
+    let of = |fold: usize, answer: &Answer| without[&fold].as_ref().map(|novelty| novelty.of(&answer.signs));
+    let novelties: BTreeMap<usize, f32> =
+        answers.iter().filter_map(|(&idx, answer)| Some((idx, of(folds[idx], answer)?))).collect();
+    let held_out: Vec<Outcome> =
+        answers.iter().map(|(idx, answer)| answer.outcome(novelties.get(idx).copied())).collect();
+    let left_out: Vec<Outcome> = decided
+        .iter()
+        .filter(|(_, _, is_new)| *is_new)
+        .map(|(fold, answer, _)| answer.outcome(of(*fold, answer)))
+        .collect();
+    Judged { known: Known::choose(&held_out, &left_out, &config.calibration), novelty, novelties }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_room_is_left_out_and_never_trained_then() {
+        // Twelve samples of four rooms, in three folds.
+        let (folds, labels): (Vec<usize>, Vec<usize>) = (0..12).map(|idx| (idx % 3, idx / 3)).unzip();
+        let rounds = rounds(&folds, &labels, 1);
+        assert_eq!(rounds.len(), 12, "all, since there are few frames");
+        let mut left_out = BTreeSet::new();
+        for round in &rounds {
+            let trained: BTreeSet<usize> = round.training.iter().map(|&idx| labels[idx]).collect();
+            assert!(round.training.iter().all(|&idx| folds[idx] != round.fold));
+            for frame in &round.frames {
+                assert_eq!(folds[frame.sample_idx], round.fold);
+                assert_eq!(frame.is_new, !trained.contains(&labels[frame.sample_idx]));
+                left_out.extend(frame.is_new.then_some(labels[frame.sample_idx]));
+            }
+        }
+        assert_eq!(left_out.len(), 4);
+    }
+
+    #[test]
+    fn many_frames_take_one_turn_and_two_rooms_none() {
+        let (folds, labels): (Vec<usize>, Vec<usize>) = (0..3000).map(|idx| (idx % 5, idx / 300)).unzip();
+        assert_eq!(rounds(&folds, &labels, 1).len(), 5);
+        let (folds, labels): (Vec<usize>, Vec<usize>) = (0..12).map(|idx| (idx % 3, idx / 6)).unzip();
+        assert_eq!(rounds(&folds, &labels, 1), []);
+        assert_eq!(rounds(&[], &[], 1), []);
+    }
+}

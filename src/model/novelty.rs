@@ -1,0 +1,235 @@
+//! Whether a frame shows a room that was trained at all: how familiar it is to the opinions, whatever room they name.
+//!
+//! Scores of a list of answers tell more of whether any is right than the best answer's alone (Boiman et al., 2008,
+//! and McCann and Lowe, 2012, use the like to tell rooms apart); here they are weighed by a logistic regression that was fitted on
+//! frames of rooms that were left out of training in turn.
+
+use super::Config;
+use super::arrays::{Array, Arrays, require};
+use super::format::FormatError;
+use super::logit::{self, Case, Prior};
+use super::opinion::{OpinionConfig, Said, Sign};
+use crate::svm::most_probable;
+
+/// What the pool of all opinions tells of how familiar a frame is: the probability of the answer, and the share of
+/// opinions that would answer the same.
+const POOL_SIGNS: [Sign; 2] =
+    [Sign { name: "probability", prior_weight: 0.5 }, Sign { name: "agreement", prior_weight: 0.3 }];
+
+/// How far a fitted weight typically lies from the prior one.
+const PRIOR_SPREAD: f64 = 0.5;
+
+/// How far the odds of typical frames of trained rooms lie from the prior ones, as a logarithm.
+const OFFSET_SPREAD: f64 = 3.0;
+
+/// Where nothing is known: the logarithm of the odds that the most typical frame of a trained room is new.
+const PRIOR_OFFSET: f64 = -1.5;
+
+/// Standard deviations beyond which a sign says no more.
+const MOST_DEVIATIONS: f64 = 6.0;
+
+/// How probable it is that a frame shows a place that was never trained, as if every other frame did.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Novelty {
+    /// In the order of [`signs_of`].
+    scales: Vec<Scale>,
+    /// The logarithm of the odds of a frame whose signs are those of the average frame of trained rooms.
+    offset: f64,
+}
+
+/// What a sign counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Scale {
+    /// Over frames of trained rooms.
+    mean: f64,
+    /// Over frames of trained rooms; positive.
+    deviation: f64,
+    /// The logarithm of odds a deviation.
+    weight: f64,
+}
+
+/// The signs of a frame: those of each opinion, and those of the pool; none of an opinion that saw nothing.
+pub(super) type Signs = Vec<Option<f64>>;
+
+/// A frame that was decided by opinions that were not trained on it.
+#[derive(Clone, Debug)]
+pub(super) struct Observed {
+    pub(super) signs: Signs,
+    /// Whether its room was left out.
+    pub(super) is_new: bool,
+}
+
+/// The signs of a frame of which opinions said `said`, each for these rooms, and all together this.
+pub(super) fn signs_of(
+    config: &Config,
+    said: &[Option<Said>],
+    by_opinion: &[Option<Vec<f32>>],
+    pooled: &[f32],
+) -> Signs {
+    let place_idx = most_probable(pooled);
+    let votes = || by_opinion.iter().flatten().map(|probabilities| most_probable(probabilities));
+    let n_same = votes().filter(|&vote| vote == place_idx).count();
+    let of_opinion = |(said, opinion): (&Option<Said>, &OpinionConfig)| match said {
+        Some(said) => said.signs.iter().map(|&sign| Some(f64::from(sign))).collect(),
+        None => vec![None; opinion.signs().len()],
+    };
+    let mut signs: Signs = said.iter().zip(config.opinions.values()).flat_map(of_opinion).collect();
+    signs.push(Some(f64::from(pooled[place_idx])));
+    signs.push(Some(n_same as f64 / votes().count().max(1) as f64));
+    signs
+}
+
+/// All signs of models of this configuration.
+fn all_signs(config: &Config) -> impl Iterator<Item = Sign> {
+    config.opinions.values().flat_map(OpinionConfig::signs).copied().chain(POOL_SIGNS)
+}
+
+impl Novelty {
+    /// Fits what signs count to frames of trained rooms and of others, which count alike however many there are.
+    /// `None` without any of trained rooms; without any of others it is the prior.
+    pub(super) fn fit(config: &Config, observed: &[Observed]) -> Option<Self> {
+        let known = || observed.iter().filter(|observed| !observed.is_new);
+        let n_known = known().count();
+        if n_known == 0 {
+            return None;
+        }
+        let mut novelty = Self { scales: Vec::new(), offset: PRIOR_OFFSET };
+        for (sign_idx, sign) in all_signs(config).enumerate() {
+            let values: Vec<f64> = known().filter_map(|observed| observed.signs[sign_idx]).collect();
+            let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+            let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
+            let deviation = (variance / values.len().max(1) as f64).sqrt().max(1e-6);
+            novelty.scales.push(Scale { mean, deviation, weight: sign.prior_weight });
+        }
+        let n_new = observed.len() - n_known;
+        if n_new > 0 {
+            novelty.weigh(observed, n_new as f64 / n_known as f64);
+        }
+        Some(novelty)
+    }
+
+    /// Fits weights and offset; a frame of a trained room counts `of_known`, another 1.
+    fn weigh(&mut self, observed: &[Observed], of_known: f64) {
+        let case = |Observed { signs, is_new }: &Observed| {
+            let deviations = self.deviations(signs);
+            let part = |deviation: Option<f64>| deviation.map(|deviation| vec![deviation, 0.0]);
+            // An offset may have either sign.
+            let offsets = [Some(1.0), Some(-1.0)].map(part);
+            Case {
+                label: usize::from(*is_new),
+                weight: if *is_new { 1.0 } else { of_known },
+                by_part: deviations.map(part).chain(offsets).collect(),
+            }
+        };
+        let cases: Vec<Case> = observed.iter().map(case).collect();
+        let prior = self.scales.iter().map(|scale| Prior { mean: scale.weight, spread: PRIOR_SPREAD });
+        let offset = |mean| Prior { mean, spread: OFFSET_SPREAD };
+        let prior: Vec<Prior> = prior.chain([offset(-PRIOR_OFFSET), offset(0.0)]).collect();
+        let weights = logit::fit(&cases, &prior);
+        let n = self.scales.len();
+        self.scales.iter_mut().zip(&weights).for_each(|(scale, &weight)| scale.weight = weight);
+        self.offset = weights[n + 1] - weights[n];
+    }
+
+    /// How many standard deviations each sign is above the mean.
+    fn deviations(&self, signs: &Signs) -> impl Iterator<Item = Option<f64>> {
+        let deviation = |(scale, sign): (&Scale, &Option<f64>)| {
+            sign.map(|sign| ((sign - scale.mean) / scale.deviation).clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS))
+        };
+        self.scales.iter().zip(signs).map(deviation)
+    }
+
+    /// Of a frame, from 0 to 1.
+    pub(super) fn of(&self, signs: &Signs) -> f32 {
+        let weighed = self.deviations(signs).zip(&self.scales);
+        let familiar: f64 = weighed.filter_map(|(deviation, scale)| Some(deviation? * scale.weight)).sum();
+        (1.0 / (1.0 + (familiar - self.offset).exp())) as f32
+    }
+
+    /// What each sign counts, by its name.
+    #[cfg(test)]
+    fn weights(&self) -> Vec<f64> {
+        self.scales.iter().map(|scale| scale.weight).collect()
+    }
+
+    pub(super) fn to_arrays(&self) -> Vec<Array> {
+        let of = |part: fn(&Scale) -> f64| self.scales.iter().map(part).collect::<Vec<_>>();
+        vec![
+            Array::doubles("novelty.means", &of(|scale| scale.mean)),
+            Array::doubles("novelty.deviations", &of(|scale| scale.deviation)),
+            Array::doubles("novelty.weights", &of(|scale| scale.weight)),
+            Array::doubles("novelty.offset", &[self.offset]),
+        ]
+    }
+
+    /// One of unknown origin that fits the configuration; `None` where the file holds none.
+    pub(super) fn from_arrays(config: &Config, file: &Arrays) -> Result<Option<Self>, FormatError> {
+        if !file.has("novelty.offset") {
+            return Ok(None);
+        }
+        let n_signs = all_signs(config).count();
+        let doubles = |name| {
+            let values = file.doubles(name)?;
+            let are_numbers = values.iter().all(|value| value.is_finite());
+            require(are_numbers, "what tells new places is no number")?;
+            Ok::<_, FormatError>(values)
+        };
+        let (means, deviations) = (doubles("novelty.means")?, doubles("novelty.deviations")?);
+        let (weights, offset) = (doubles("novelty.weights")?, doubles("novelty.offset")?);
+        let are_all = [&means, &deviations, &weights].iter().all(|values| values.len() == n_signs);
+        require(are_all && offset.len() == 1, "what tells new places is of other opinions")?;
+        require(deviations.iter().all(|&deviation| deviation > 0.0), "what tells new places has no spread")?;
+        let scales = means.into_iter().zip(deviations).zip(weights);
+        let scale = |((mean, deviation), weight)| Scale { mean, deviation, weight };
+        Ok(Some(Self { scales: scales.map(scale).collect(), offset: offset[0] }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::{Rng, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    /// The default model has one opinion of machines: two signs, and two of the pool.
+    const N_SIGNS: usize = 4;
+
+    /// Frames whose first sign is smaller where the place is new, and whose others say nothing.
+    fn observed(n: usize) -> Vec<Observed> {
+        let mut random = ChaCha8Rng::seed_from_u64(3);
+        let mut one = |idx: usize| {
+            let is_new = idx % 4 == 0;
+            let mut signs: Signs = (0..N_SIGNS).map(|_| Some(random.random::<f64>())).collect();
+            signs[0] = Some(random.random::<f64>() + if is_new { 0.0 } else { 0.8 });
+            signs[1] = (idx % 3 > 0).then_some(0.5);
+            Observed { signs, is_new }
+        };
+        (0..n).map(&mut one).collect()
+    }
+
+    #[test]
+    fn what_tells_new_places_counts_and_what_does_not_counts_little() {
+        let config = Config::default();
+        let observed = observed(400);
+        let novelty = Novelty::fit(&config, &observed).unwrap();
+        let weights = novelty.weights();
+        assert!(weights[0] > 1.0 && weights[2] < 0.4 && weights[3] < 0.4, "{weights:?}");
+        let is_right = |observed: &&Observed| (novelty.of(&observed.signs) > 0.5) == observed.is_new;
+        assert!(observed.iter().filter(is_right).count() > 330);
+        let strange = vec![Some(-1e9), None, Some(0.5), Some(0.5)];
+        assert!(novelty.of(&strange) > 0.99);
+        let arrays = novelty.to_arrays();
+        assert_eq!(arrays.len(), 4);
+    }
+
+    #[test]
+    fn without_left_out_rooms_it_is_the_prior_and_without_frames_there_is_none() {
+        let config = Config::default();
+        let mut observed = observed(40);
+        observed.retain(|observed| !observed.is_new);
+        let novelty = Novelty::fit(&config, &observed).unwrap();
+        let typical: Signs = novelty.scales.iter().map(|scale| Some(scale.mean)).collect();
+        assert!((novelty.of(&typical) - 0.18).abs() < 0.01, "{}", novelty.of(&typical));
+        assert_eq!(Novelty::fit(&config, &[]), None);
+    }
+}
