@@ -80,7 +80,7 @@ pub fn main() -> ExitCode {
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("roomsight: {}", output::explained(&error));
-            if error.is::<replay::GateFailed>() { GATE_FAILED.into() } else { ExitCode::FAILURE }
+            if error.is::<output::GateFailed>() { GATE_FAILED.into() } else { ExitCode::FAILURE }
         }
     }
 }

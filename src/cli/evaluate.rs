@@ -5,7 +5,7 @@ mod stream;
 use super::data::{self, DataArgs, LimitArgs};
 use super::output::{self, say};
 use crate::dataset::Described;
-use crate::evaluate::Evaluation;
+use crate::evaluate::{Evaluation, Knowledge};
 use crate::filter::Trust;
 use crate::model::Extractor;
 use crate::validate::{self, Answered};
@@ -51,7 +51,9 @@ struct Report {
     /// Those rooms, sorted.
     unknown_rooms: Vec<String>,
     evaluation: Evaluation,
-    /// The same for each sequence, by name.
+    /// What "known" is worth.
+    knowledge: Knowledge,
+    /// The same rates for each sequence, by name.
     by_sequence: BTreeMap<String, Evaluation>,
     /// With `--filter`: each frame by itself, then each trust.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -87,6 +89,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         n_of_unknown_rooms: described.samples.iter().filter(|sample| !known.contains(&sample.place)).count(),
         unknown_rooms: dataset.places().into_iter().filter(|place| !known.contains(place)).collect(),
         evaluation: evaluate(&answers),
+        knowledge: validate::knowledge(&described, &answers),
         by_sequence: by_sequence.map(|(name, answers)| (name, evaluate(&answers))).collect(),
         streams,
     };
@@ -125,6 +128,7 @@ fn print(report: &Report) -> io::Result<()> {
         say!("{table}")?;
     }
     output::print_evaluation(&report.evaluation)?;
+    output::print_knowledge(&report.knowledge)?;
     if report.n_of_unknown_rooms > 0 {
         let (n_frames, rooms) = (report.n_of_unknown_rooms, report.unknown_rooms.join(", "));
         say!("\nFrames of rooms that the model does not know: {n_frames} ({rooms})")?;

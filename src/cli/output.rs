@@ -1,6 +1,6 @@
 //! What all commands share in what they print: progress bars and tables.
 
-use crate::evaluate::{Evaluation, Rate};
+use crate::evaluate::{Evaluation, Knowledge, N_BINS, Rate};
 use crate::model::{Addition, Card};
 use crate::protocol::rest::NetworkInfo;
 use comfy_table::{Table, TableComponent, presets};
@@ -20,6 +20,11 @@ macro_rules! say {
     }};
 }
 pub(super) use say;
+
+/// Gates that did not hold; the program then ends with an exit code of its own.
+#[derive(Debug, thiserror::Error)]
+#[error("failed: {0}")]
+pub struct GateFailed(pub String);
 
 /// An error and its causes on one line, each said once: some errors repeat their cause.
 pub fn explained(error: &anyhow::Error) -> String {
@@ -137,6 +142,28 @@ pub fn print_evaluation(evaluation: &Evaluation) -> io::Result<()> {
     say!("{rates}")?;
     if let Some(mean) = evaluation.mean_by_place {
         say!("Mean over rooms: {mean:.4}")?;
+    }
+    Ok(())
+}
+
+/// Prints what "known" is worth.
+pub fn print_knowledge(knowledge: &Knowledge) -> io::Result<()> {
+    let Knowledge { known, right_known, new_unknown, auroc, calibration_error, .. } = knowledge;
+    let mut table = table(["known", "", "of", "rate"]);
+    let mut add = |name: &str, of: &Rate| {
+        table.add_row([name.to_owned(), of.n_correct.to_string(), of.n_frames.to_string(), rate(of)]);
+    };
+    add("right answers that are known", right_known);
+    add("known answers that are right", known);
+    if new_unknown.n_frames > 0 {
+        add("frames of other rooms that are unknown", new_unknown);
+    }
+    say!("{table}")?;
+    if let Some(auroc) = auroc {
+        say!("Novelty tells other rooms from trained ones with an AUROC of {auroc:.3}.")?;
+    }
+    if let Some(error) = calibration_error {
+        say!("Probabilities are {error:.3} off on average (expected calibration error, {N_BINS} bins).")?;
     }
     Ok(())
 }

@@ -10,8 +10,6 @@ mod robot;
 mod schedule;
 mod tally;
 
-pub(super) use report::GateFailed;
-
 use super::data::{self, DataArgs};
 use super::output::{self, say};
 use super::serve;

@@ -1,10 +1,11 @@
 //! `roomsight train`: labeled frames to a model folder.
 
 mod not_held_out;
+mod verdict;
 
 use super::data::{self, ConfigArgs, DataArgs, LimitArgs};
 use super::models::{self, CacheArgs, Local};
-use super::output::{self, say};
+use super::output::{self, GateFailed, say};
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Evaluation;
 use crate::image::Limits;
@@ -22,6 +23,7 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
+use verdict::Verdict;
 
 /// Frames kept with the model to tell that it still answers the same.
 const N_GOLDEN_FRAMES: usize = 8;
@@ -50,6 +52,9 @@ const DEFAULT_FORGET: f64 = 0.7;
 /// With --add, a trained model learns the frames in addition, sequence by sequence, each answered before
 /// it is learned. The frames of before are not needed: the model keeps what it takes to go on, unless it was
 /// configured to boost or to compare sets of descriptors.
+///
+/// In the end it says whether the model is worth serving. Exit code 3 where a gate (--min-rate, --min-known) fails; no
+/// model is written then.
 #[derive(Args)]
 pub(super) struct TrainArgs {
     #[command(flatten)]
@@ -81,6 +86,12 @@ pub(super) struct TrainArgs {
     /// A sentence about the model for its card [default with --add: the one it has]
     #[arg(long, default_value = "", hide_default_value = true, value_name = "TEXT")]
     description: String,
+    /// Write no model where less than this share of held-out frames is answered right, from 0 to 1
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    min_rate: Option<f64>,
+    /// Write no model where less than this share of the right held-out answers is known, from 0 to 1
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    min_known: Option<f64>,
     /// Do not keep a frame of each room with the model, by which others check that it answers the same
     #[arg(long)]
     no_golden_frames: bool,
@@ -99,6 +110,7 @@ struct Report {
     held_out: Evaluation,
     /// Why the other frames have no held-out answer.
     not_held_out: Vec<NotHeldOut>,
+    verdict: Verdict,
 }
 
 /// A model whose card says what it was trained on, and the frames that it has just learned.
@@ -126,6 +138,10 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let Trained { training: Training { model, held_out, .. }, dataset, described, .. } = &trained;
     let answers: Vec<Answered> = held_out.iter().map(|held_out| answered(model, held_out)).collect();
     let evaluation = validate::evaluate(dataset, described, &answers);
+    let taken: Vec<_> =
+        described.samples.iter().map(|sample| (sample.place.as_str(), sample.sequence.as_str())).collect();
+    let verdict = Verdict::of(&evaluation, validate::knowledge(described, &answers), &taken);
+    args.gates_hold(&verdict, &evaluation)?;
     let card = card(args, &trained, &evaluation);
     let transitions = match &args.add {
         // Those of the first training stay: what was seen then is not there to be counted again.
@@ -143,7 +159,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
 
     if args.json {
         let published = published.map(|id| id.to_string());
-        let report = Report { model: folder, published, card, held_out: evaluation, not_held_out };
+        let report = Report { model: folder, published, card, held_out: evaluation, not_held_out, verdict };
         say!("{}", serde_json::to_string_pretty(&report)?)?;
         return Ok(());
     }
@@ -157,6 +173,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         say!()?;
     }
     output::print_evaluation(&evaluation)?;
+    verdict.print()?;
     if let Some(choice) = &card.choice {
         say!("\n{}", choices(choice))?;
     }
@@ -168,7 +185,11 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         (Some(repository), Some(id)) => (id.to_string(), output::quoted(Path::new(repository))),
         _ => (folder.display().to_string(), quoted.clone()),
     };
-    say!("\n{ready} is ready. Try it:")?;
+    if verdict.is_worth_serving() {
+        say!("\n{ready} is ready. Try it:")?;
+    } else {
+        say!("\n{ready} is written, but it is no better than guessing: do not let it serve. To look at it:")?;
+    }
     say!("  {program} recognize {quoted} FRAME.jpg")?;
     say!("  {program} serve --models {models}")?;
     if let Destination::Repository(repository, name) = &destination
@@ -178,6 +199,22 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         say!("  {program} models default {name} --models {models}")?;
     }
     Ok(())
+}
+
+impl TrainArgs {
+    /// An error that names the gates that do not hold.
+    fn gates_hold(&self, verdict: &Verdict, evaluation: &Evaluation) -> Result<(), GateFailed> {
+        let rates = [
+            ("right on held-out frames", "--min-rate", self.min_rate, evaluation.overall.rate),
+            ("known of the right ones", "--min-known", self.min_known, verdict.knowledge.right_known.rate),
+        ];
+        let failed = rates.into_iter().filter_map(|(what, gate, least, rate)| {
+            let (least, rate) = (least?, rate.unwrap_or_default());
+            (rate < least).then(|| format!("{rate:.4} {what}, below {gate} {least}"))
+        });
+        let failed: Vec<String> = failed.collect();
+        if failed.is_empty() { Ok(()) } else { Err(GateFailed(failed.join("; "))) }
+    }
 }
 
 impl<'a> Destination<'a> {

@@ -145,7 +145,7 @@ pub struct CalibrationConfig {
     /// Whether each machine has its own sigmoid.
     pub sigmoids: Sigmoids,
     /// How often known answers are to be right, from 0 to 1: thresholds of probability and novelty are chosen so that
-    /// held-out answers keep it, even where one frame in ten shows a place that was never trained.
+    /// held-out answers keep it, even where one frame in twenty shows a place that was never trained.
     pub known_precision: f32,
 }
 

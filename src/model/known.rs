@@ -3,7 +3,7 @@
 use super::CalibrationConfig;
 
 /// How often a frame shows a place that was never trained, as far as the promise is concerned.
-const SHARE_NEW: f64 = 0.1;
+const SHARE_NEW: f64 = 0.05;
 
 /// Answers that a threshold is judged by beside those that were held out: they were right as often as their probabilities
 /// said. So a few answers that happened to be right promise nothing.
@@ -36,7 +36,7 @@ impl Known {
     }
 
     /// The thresholds under which most right answers are known and most frames of new places are not, of those that keep the
-    /// promise of `config`: of the known answers so many are right, where one frame in ten is of a place that was never
+    /// promise of `config`: of the known answers so many are right, where one frame in twenty is of a place that was never
     /// trained. Answers that are equally probable are known together. `None` where nothing keeps it.
     pub(super) fn choose(
         held_out: &[Outcome],

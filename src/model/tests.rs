@@ -192,7 +192,8 @@ fn patterns_answer_frames_without_keypoints() {
         assert_eq!(features.n_keypoints(), 0);
         all.push(Sample { features, ..all[idx].clone() });
     }
-    let Training { model, held_out, .. } = train(&all, &config, Camera::new(Projection::Perspective)).unwrap();
+    let Training { model, held_out, .. } =
+        train(&all, &config, Camera::new(Projection::Perspective)).unwrap();
     assert_eq!(held_out.len(), all.len(), "all frames are held out once");
     for (place_idx, place) in ["stripes", "bars", "dots"].iter().enumerate() {
         let answer = model.recognize(&smooth(place_idx, &mut random), &mut Scratch::default());

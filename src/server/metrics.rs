@@ -24,11 +24,13 @@ mod totals;
 pub use labels::{FrameOutcome, SwapKind, SwapOutcome, Transport};
 pub use scrape::{__path_scrape, scrape};
 
+use super::registry::ServedModel;
+use crate::model::Recognition;
 use crate::protocol::oip::statistics::FrameTotals;
 use crate::protocol::stream::DropReason;
 use axum::http::{Method, StatusCode};
 use kept::Kept;
-use labels::{DROP_REASONS, drop_name, method_name};
+use labels::{DROP_REASONS, drop_name, known_name, method_name};
 use metrics::{Counter, Histogram};
 use metrics_exporter_prometheus::BuildError;
 use recorder::Recorder;
@@ -64,6 +66,10 @@ struct ModelFrames {
     decode: Histogram,
     features: Histogram,
     classify: Histogram,
+    probability: Histogram,
+    novelty: Histogram,
+    /// By room and why it is not known.
+    answers: Kept<String, Arc<Kept<&'static str, Counter>>>,
     /// By version, transport and outcome.
     told: Kept<(u64, Transport, &'static str), Counter>,
     /// By version.
@@ -130,6 +136,22 @@ impl Metrics {
         }
     }
 
+    /// A frame was answered with a room.
+    pub fn answer(&self, served: &ServedModel, recognition: &Recognition) {
+        let model = self.model(&served.name);
+        let known = known_name(recognition.unknown);
+        let room = served.model.places()[recognition.place_idx].as_str();
+        let answers = model
+            .answers
+            .get(room, Arc::default)
+            .get(&known, || self.recorder.counter(&catalog::ANSWERS, &[&served.name, room, known]));
+        answers.increment(1);
+        model.probability.record(f64::from(recognition.probability()));
+        if let Some(novelty) = recognition.novelty {
+            model.novelty.record(f64::from(novelty));
+        }
+    }
+
     /// What was counted of the frames of one version of a model that the registry has.
     pub fn totals(&self, name: &str, version: u64) -> FrameTotals {
         self.model(name).totals.get(&version, Arc::default).read()
@@ -178,6 +200,9 @@ impl Metrics {
                 decode: stage("decode"),
                 features: stage("features"),
                 classify: stage("classify"),
+                probability: self.recorder.histogram(&catalog::ANSWER_PROBABILITY, &[name]),
+                novelty: self.recorder.histogram(&catalog::ANSWER_NOVELTY, &[name]),
+                answers: Kept::default(),
                 told: Kept::default(),
                 totals: Kept::default(),
             })

@@ -126,6 +126,9 @@ pub fn recognize(
         } else {
             answer.await.unwrap_or_else(|undone| Err(undone.into()))
         };
+        if let Ok(seen) = &result {
+            end.app.metrics.answer(&seen.served, &seen.recognition);
+        }
         end.set(FrameOutcome::from(&result));
         result
     }

@@ -85,6 +85,7 @@ async fn the_service_and_its_models_tell_what_they_are() {
                 {"name": "room", "datatype": "BYTES", "shape": [-1]},
                 {"name": "probability", "datatype": "FP32", "shape": [-1]},
                 {"name": "known", "datatype": "BOOL", "shape": [-1]},
+                {"name": "novelty", "datatype": "FP32", "shape": [-1]},
                 {"name": "probabilities", "datatype": "FP32", "shape": [-1, 3]},
                 {"name": "rooms", "datatype": "BYTES", "shape": [3]}
             ]
@@ -106,7 +107,7 @@ async fn models_tell_tritons_tools_how_they_are_run() {
     assert_eq!(config["version_policy"], json!({"specific": {"versions": [1]}}));
     assert_eq!(config["input"], json!([{"name": "frame", "data_type": "TYPE_STRING", "dims": [-1]}]));
     let outputs = config["output"].as_array().unwrap();
-    assert_eq!(outputs[3], json!({"name": "probabilities", "data_type": "TYPE_FP32", "dims": [-1, 3]}));
+    assert_eq!(outputs[4], json!({"name": "probabilities", "data_type": "TYPE_FP32", "dims": [-1, 3]}));
     assert_eq!(outputs[2]["data_type"], "TYPE_BOOL");
     assert_eq!(config["instance_group"], json!([{"name": "lab", "kind": "KIND_CPU", "count": 2}]));
     assert_eq!(config["model_transaction_policy"], json!({"decoupled": false}));

@@ -54,7 +54,8 @@ class Messages(unittest.TestCase):
         assert isinstance(alone, Result)
         self.assertEqual((alone.seq, alone.room, alone.answer.timings_ms.features), (3, "kitchen", 2))
         hall = {"room": "hall", "probability": 0.6, "probabilities": []}
-        both = read_message(json.dumps({**RESULT, "filtered": hall}))
+        both = read_message(json.dumps({**RESULT, "filtered": {**hall, "known": False, "novelty": 0.9}}))
+        self.assertEqual((both.answer.known, both.known, both.filtered.novelty), (True, False, 0.9))
         assert isinstance(both, Result)
         self.assertEqual((both.room, both.probability, both.answer.room), ("hall", 0.6, "kitchen"))
         self.assertIsNone(both.notice)

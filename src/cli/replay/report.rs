@@ -1,7 +1,7 @@
 //! What a replay comes to, for people, machines and gates.
 
 use super::tally::{Percentiles, Tally, ms};
-use crate::cli::output::{self, say};
+use crate::cli::output::{self, GateFailed, say};
 use crate::evaluate::Rate;
 use crate::protocol::stream::DropReason;
 use clap::Args;
@@ -111,11 +111,6 @@ pub struct Gate {
     /// Whether it holds.
     pub passed: bool,
 }
-
-/// Gates that did not hold.
-#[derive(Debug, thiserror::Error)]
-#[error("failed: {0}")]
-pub struct GateFailed(String);
 
 impl Report {
     /// Sums up.

@@ -27,6 +27,9 @@ pub enum MetricKind {
 const SECONDS: &[f64] =
     &[0.000_25, 0.000_5, 0.001, 0.002, 0.004, 0.008, 0.016, 0.032, 0.064, 0.125, 0.25, 0.5, 1.0, 2.5, 10.0];
 
+/// From 0 to 1, finer at both ends.
+const SHARES: &[f64] = &[0.01, 0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0];
+
 impl MetricKind {
     /// Its name for Prometheus.
     pub fn name(self) -> &'static str {
@@ -48,6 +51,10 @@ const fn gauge(name: &'static str, labels: &'static [&'static str], help: &'stat
 
 const fn seconds(name: &'static str, labels: &'static [&'static str], help: &'static str) -> Metric {
     Metric { name, kind: MetricKind::Histogram(SECONDS), labels, help }
+}
+
+const fn shares(name: &'static str, labels: &'static [&'static str], help: &'static str) -> Metric {
+    Metric { name, kind: MetricKind::Histogram(SHARES), labels, help }
 }
 
 /// Requests that were answered.
@@ -81,6 +88,22 @@ pub const STAGE_DURATION: Metric = seconds(
     "roomsight_frame_stage_duration_seconds",
     &["model", "stage"],
     "Where the time of answered frames went: queue, decode, features, classify.",
+);
+/// Rooms that were answered.
+pub const ANSWERS: Metric = counter(
+    "roomsight_answers_total",
+    &["model", "room", "known"],
+    "Answered frames by the room that was answered and why it is not known: yes, or unsure, new_place, no_detail, \
+     dark, covered.",
+);
+/// How sure answers are.
+pub const ANSWER_PROBABILITY: Metric =
+    shares("roomsight_answer_probability", &["model"], "Probability of the answered room.");
+/// How new frames look.
+pub const ANSWER_NOVELTY: Metric = shares(
+    "roomsight_answer_novelty",
+    &["model"],
+    "Novelty of answered frames, of models that can tell: the probability of a place that was never trained.",
 );
 /// What waits for a thread.
 pub const QUEUE_DEPTH: Metric = gauge(
@@ -164,12 +187,15 @@ pub const CPU: Metric =
     counter("process_cpu_seconds_total", &[], "Processor time of the process. Only on Linux.");
 
 /// All of them.
-pub const ALL: [&Metric; 26] = [
+pub const ALL: [&Metric; 29] = [
     &REQUESTS,
     &REQUEST_DURATION,
     &FRAMES,
     &DROPS,
     &STAGE_DURATION,
+    &ANSWERS,
+    &ANSWER_PROBABILITY,
+    &ANSWER_NOVELTY,
     &QUEUE_DEPTH,
     &SLOTS,
     &SLOTS_IN_USE,

@@ -1,5 +1,6 @@
 //! What labels say: closed sets, so that callers cannot add to them.
 
+use crate::model::Unknown;
 use crate::protocol::stream::DropReason;
 use crate::server::problem::Kind;
 use crate::server::recognize::{RecognizeError, Seen, Timings};
@@ -116,6 +117,18 @@ impl SwapOutcome {
             Self::Failed => "failed",
             Self::Lost => "lost",
         }
+    }
+}
+
+/// Whether an answer is known, and why not.
+pub fn known_name(unknown: Option<Unknown>) -> &'static str {
+    match unknown {
+        None => "yes",
+        Some(Unknown::Unsure) => "unsure",
+        Some(Unknown::NewPlace) => "new_place",
+        Some(Unknown::NoDetail) => "no_detail",
+        Some(Unknown::Dark) => "dark",
+        Some(Unknown::Covered) => "covered",
     }
 }
 

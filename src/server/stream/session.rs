@@ -405,6 +405,7 @@ impl Session {
             let seq = frame.seq;
             let messages = match outcome {
                 Outcome::Seen(seen) => {
+                    self.app.metrics.answer(&seen.served, &seen.recognition);
                     self.count(
                         (&seen.served.name, seen.served.version),
                         FrameOutcome::Answered(seen.timings),

@@ -110,6 +110,11 @@ class Result:
         return (self.filtered or self.answer).room
 
     @property
+    def known(self) -> bool:
+        """Whether to act on ``room``: as the filter says where there is one."""
+        return (self.filtered or self.answer).known
+
+    @property
     def probability(self) -> float:
         """The probability of ``room``."""
         return (self.filtered or self.answer).probability

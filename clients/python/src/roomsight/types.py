@@ -54,7 +54,11 @@ class KeypointEvidence:
 
 @dataclass(frozen=True)
 class Answer:
-    """Which room a frame shows. Do not act on the room where ``known`` is false."""
+    """Which room a frame shows. Do not act on the room where ``known`` is false.
+
+    ``unknown`` says why: ``unsure``, ``new_place``, ``no_detail``, ``dark`` or ``covered``. ``novelty``, from 0 to 1, is how
+    probable a place is that was never trained, ``None`` where the model cannot tell.
+    """
 
     room: str
     known: bool
@@ -68,15 +72,19 @@ class Answer:
     captured_at: Optional[str] = None
     evidence: Optional[list[KeypointEvidence]] = None
     damaged_rows: int = 0
+    unknown: Optional[str] = None
+    novelty: Optional[float] = None
 
 
 @dataclass(frozen=True)
 class Filtered:
-    """What the frames of a stream say together."""
+    """What the frames of a stream say together. Do not act on the room where ``known`` is false."""
 
     room: str
     probability: float
     probabilities: list[RoomProbability]
+    known: bool = False
+    novelty: Optional[float] = None
 
 
 @dataclass(frozen=True)
