@@ -26,6 +26,8 @@ pub(super) struct Stream {
 #[derive(Serialize)]
 struct Followed {
     rate: Rate,
+    /// Answers that are known.
+    known: Rate,
     changes: Changes,
 }
 
@@ -49,6 +51,7 @@ pub(super) fn follow(
 ) -> Vec<Stream> {
     let followed = |answers: &[Answered]| Followed {
         rate: validate::evaluate(dataset, described, answers).overall,
+        known: Rate::new(answers.iter().filter(|answer| answer.recognition.known).count(), answers.len()),
         changes: validate::changes(dataset, described, answers),
     };
     let stream = |trust, answers: &[Answered]| {
@@ -65,14 +68,16 @@ pub(super) fn follow(
 }
 
 pub(super) fn print(streams: &[Stream]) -> io::Result<()> {
-    let mut table = output::table(["trust", "rate", "missed", "frames late", "seconds late", "room changes"]);
+    let mut table =
+        output::table(["trust", "rate", "known", "missed", "frames late", "seconds late", "room changes"]);
     let lateness = |late: Option<Lateness>| {
         late.map_or("-".to_owned(), |late| format!("{:.1} / {:.1}", late.median, late.p90))
     };
-    for Stream { trust, all: Followed { rate, changes }, .. } in streams {
+    for Stream { trust, all: Followed { rate, known, changes }, .. } in streams {
         table.add_row([
             trust.map_or("unfiltered".to_owned(), |trust| f32::from(trust).to_string()),
             output::rate(rate),
+            output::rate(known),
             format!("{} of {}", changes.n_missed, changes.n_changes),
             lateness(changes.late_frames),
             lateness(changes.late_seconds),
