@@ -7,7 +7,6 @@
 mod containers;
 mod decode;
 mod exif;
-mod flaw;
 mod format;
 mod integral;
 mod jpeg;
@@ -15,7 +14,6 @@ mod other;
 mod resize;
 
 use decode::{check_size, damaged, luma_of, oriented, unsupported};
-pub use flaw::Flaw;
 pub use integral::Integral;
 
 /// What a decoder may be asked for by bytes of unknown origin.

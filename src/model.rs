@@ -14,6 +14,7 @@ mod choose;
 mod config;
 mod effort;
 mod features;
+mod flaw;
 mod folder;
 mod format;
 mod golden;
@@ -37,6 +38,7 @@ pub use choose::{Candidate, Choice, LeftOut, Preferred, Tally, all_opinions, tra
 pub use config::{BAG, CalibrationConfig, Config, PATTERNS, Sigmoids};
 pub use effort::{Effort, Means};
 pub use features::{Extractor, Features, Scratch};
+pub use flaw::Flaw;
 pub use folder::{
     ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
     VerifiedFile, move_into_place, networks_in, networks_of, write_about,
@@ -57,7 +59,7 @@ pub use trial::{Stage, TrialError, TriedModel, try_model};
 
 use crate::camera::Camera;
 use crate::filter::{Observation, Transitions};
-use crate::image::{Flaw, Image, ImageError, Limits};
+use crate::image::{Image, ImageError, Limits};
 use crate::network::NetworkError;
 use crate::svm::most_probable;
 use held_out::HeldOutFrames;

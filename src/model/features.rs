@@ -1,12 +1,12 @@
 //! A frame to what opinions see of it: what training and recognition have in common.
 
-use super::Config;
 use super::lens::{Lens, Look};
 use super::sight::{LocalFeatures, Seen, Sight};
+use super::{Config, Flaw};
 use crate::camera::{Camera, Spot, View};
 use crate::describe::{Descriptor, FrameLbp, Sections};
 use crate::detect::{Detector, Keypoint};
-use crate::image::{Flaw, Image, ImageError, Limits, Region};
+use crate::image::{Image, ImageError, Limits, Region};
 use crate::matrix::Matrix;
 use crate::network::{NetworkError, XFeat};
 use crate::plane::ScaleSpace;

@@ -198,10 +198,10 @@ mod tests {
     fn observed(n: usize) -> Vec<Observed> {
         let mut random = ChaCha8Rng::seed_from_u64(3);
         let mut one = |idx: usize| {
-            let is_new = idx % 4 == 0;
+            let is_new = idx.is_multiple_of(4);
             let mut signs: Signs = (0..N_SIGNS).map(|_| Some(random.random::<f64>())).collect();
             signs[0] = Some(random.random::<f64>() + if is_new { 0.0 } else { 0.8 });
-            signs[1] = (idx % 3 > 0).then_some(0.5);
+            signs[1] = (!idx.is_multiple_of(3)).then_some(0.5);
             Observed { signs, is_new }
         };
         (0..n).map(&mut one).collect()

@@ -98,10 +98,10 @@ pub const ANSWERS: Metric = counter(
 );
 /// How sure answers are.
 pub const ANSWER_PROBABILITY: Metric =
-    shares("roomsight_answer_probability", &["model"], "Probability of the answered room.");
+    shares("roomsight_answer_probability_ratio", &["model"], "Probability of the answered room.");
 /// How new frames look.
 pub const ANSWER_NOVELTY: Metric = shares(
-    "roomsight_answer_novelty",
+    "roomsight_answer_novelty_ratio",
     &["model"],
     "Novelty of answered frames, of models that can tell: the probability of a place that was never trained.",
 );

@@ -85,7 +85,8 @@ fn names_tell_kind_and_unit() {
         let is_total = metric.name.ends_with("_total");
         assert_eq!(is_total, metric.kind == MetricKind::Counter, "{}", metric.name);
         if let MetricKind::Histogram(bounds) = metric.kind {
-            assert!(metric.name.ends_with("_seconds") && bounds.is_sorted(), "{}", metric.name);
+            let has_unit = ["_seconds", "_ratio"].iter().any(|unit| metric.name.ends_with(unit));
+            assert!(has_unit && bounds.is_sorted(), "{}", metric.name);
         }
     }
     assert_eq!(ALL.iter().map(|metric| metric.name).collect::<BTreeSet<_>>().len(), ALL.len());

@@ -1,7 +1,7 @@
 //! Frames in which there is nothing to see.
 
-use super::Image;
 use crate::camera::View;
+use crate::image::Image;
 
 /// Why nothing can be seen in a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
