@@ -31,7 +31,11 @@ fn nobody_tells_rooms_apart_that_show_the_same() {
     }
     for (idx, networks) in networks(&folder).iter().enumerate() {
         let model = path(&folder, &format!("model{idx}"));
-        done(&["train", &path(&folder, "rooms"), "--networks", networks, "-o", &model]);
+        let told = done(&["train", &path(&folder, "rooms"), "--networks", networks, "-o", &model]);
+        assert!(
+            told.contains("no better than guessing") && told.contains("No answer will be known"),
+            "{told}"
+        );
         let answer = json(&["recognize", "--json", &model, &path(&folder, "rooms/here/0.png")]);
         let probability = answer["probability"].as_f64().unwrap();
         assert!((0.5..0.6).contains(&probability) && answer["known"] == false, "{answer}");
@@ -58,6 +62,25 @@ fn a_room_of_one_photo_is_recognized() {
             assert_eq!(answer["room"], room, "{answer}");
         }
     }
+}
+
+#[test]
+fn a_model_that_fails_a_gate_is_not_written() {
+    const GATE_FAILED: i32 = 3;
+    let folder = TempDir::new().unwrap();
+    write_rooms(&folder.path().join("rooms"));
+    for shift in 0..12 {
+        // Dots that are called bars: a part of the answers cannot be right.
+        let picture = folder.path().join(format!("rooms/bars/dots{shift}.png"));
+        frame("dots", 5 + 7 * shift).save(picture).unwrap();
+    }
+    let (data, networks, model) = (path(&folder, "rooms"), path(&folder, "none"), path(&folder, "model"));
+    let train = ["train", &data, "--networks", &networks, "-o", &model];
+    let error = refused(GATE_FAILED, &[&train[..], &["--min-rate", "0.99"]].concat());
+    assert!(error.contains("right on held-out frames, below --min-rate 0.99"), "{error}");
+    assert!(!Path::new(&model).exists());
+    let told = done(&[&train[..], &["--min-rate", "0.1"]].concat());
+    assert!(told.contains("is ready") && told.contains("Taken for another: "), "{told}");
 }
 
 #[test]

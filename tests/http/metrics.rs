@@ -80,6 +80,9 @@ async fn requests_and_their_frames_are_counted() {
     success(server.post_as("/v1/recognize/batch", FORM, batch).send().await.unwrap()).await;
     let scrape = Scrape::of(&server).await;
     assert_eq!(scrape.frames("rest", "answered"), 4.0, "{}", scrape.text);
+    let answers = scrape.values.iter().filter(|(series, _)| series.starts_with("roomsight_answers_total{"));
+    assert_eq!(answers.map(|(_, value)| value).sum::<f64>(), 4.0, "{}", scrape.text);
+    assert_eq!(scrape.value(r#"roomsight_answer_probability_ratio_count{model="lab"}"#), 4.0);
     assert_eq!(scrape.frames("rest", "not-an-image"), 2.0);
     assert_eq!(scrape.frames("rest", "deadline-passed"), 1.0);
     assert_eq!(scrape.requests("/v1/recognize", "POST", 200), 2.0);
