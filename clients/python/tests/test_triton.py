@@ -10,7 +10,7 @@ from tritonclient.http import InferenceServerClient, InferInput, InferRequestedO
 from tritonclient.utils import InferenceServerException
 
 MODEL = "simulated-lab"
-OUTPUTS = ["room", "probability", "known", "probabilities", "rooms"]
+OUTPUTS = ["room", "probability", "known", "novelty", "probabilities", "rooms"]
 
 
 def images(frames: "list[bytes]", shape: "list[int]") -> InferInput:
@@ -50,6 +50,7 @@ class Triton(RunningService):
                 answer = client.recognize(frame)
                 self.assertEqual(result.as_numpy("room")[frame_idx].decode(), answer.room)
                 self.assertEqual(bool(result.as_numpy("known")[frame_idx]), answer.known)
+                self.assertAlmostEqual(float(result.as_numpy("novelty")[frame_idx]), answer.novelty or 0.0, places=5)
                 self.assertAlmostEqual(float(result.as_numpy("probability")[frame_idx]), answer.probability)
                 expected = {room.room: room.probability for room in answer.probabilities}
                 for room, probability in zip(rooms, result.as_numpy("probabilities")[frame_idx]):
@@ -61,7 +62,7 @@ class Triton(RunningService):
         outputs = [InferRequestedOutput(name, binary_data=False) for name in OUTPUTS]
         in_json = self.client.infer(MODEL, [tensor], outputs=outputs)
         binary = self.client.infer(MODEL, [images(self.bytes, [len(self.bytes)])], model_version="1")
-        for name in ["probability", "known", "probabilities"]:
+        for name in ["probability", "known", "novelty", "probabilities"]:
             np.testing.assert_array_equal(in_json.as_numpy(name), binary.as_numpy(name))
         for name in ["room", "rooms"]:
             self.assertEqual(list(in_json.as_numpy(name)), [text.decode() for text in binary.as_numpy(name)])
