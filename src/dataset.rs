@@ -25,6 +25,7 @@ mod tree;
 
 pub use describe::{Copied, Described};
 pub use error::{DatasetError, Problem, ProblemKind, by_kind};
+pub use tree::Tree;
 
 use crate::camera::CameraKind;
 use crate::image::{Image, ImageError, Limits};
@@ -32,7 +33,6 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-use tree::Tree;
 
 /// Where the robot stood, in the coordinates of its sequence.
 #[derive(Clone, Copy, Debug, PartialEq)]

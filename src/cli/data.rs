@@ -6,14 +6,14 @@ pub(super) use config::ConfigArgs;
 
 use super::output;
 use crate::camera::CameraKind;
-use crate::dataset::{self, Dataset, Described, Problem};
+use crate::dataset::{self, Dataset, Described, Problem, Tree};
 use crate::image::{Image, Limits};
-use crate::model::{Extractor, LoadedModel, Model};
+use crate::model::{Extractor, LoadedModel, MODEL_FILE, Model};
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
 use std::collections::BTreeSet;
-use std::fs::File;
+use std::fs::{self, File};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -150,9 +150,22 @@ pub(super) fn read_frame(path: &Path, extractor: &Extractor, limits: &Limits) ->
     extractor.decode(&read_encoded(path, limits)?, limits).with_context(|| path.display().to_string())
 }
 
+/// All pictures in a folder and below it; what else lies there is named.
+pub(super) fn pictures_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
+    let tree = Tree::read(folder)?;
+    let left_out: Vec<Problem> =
+        tree.all_left_out().into_iter().chain(tree.all_unreadable()).cloned().collect();
+    report("left out", &left_out);
+    let pictures: Vec<PathBuf> = tree.all_pictures().into_iter().cloned().collect();
+    if pictures.is_empty() {
+        bail!("{} holds no picture that can be read", folder.display());
+    }
+    Ok(pictures)
+}
+
 fn read_encoded(path: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
     if path.is_dir() {
-        bail!("{} is a folder, not an image: name the files in it", path.display());
+        bail!("{} is a folder, not an image", path.display());
     }
     let mut bytes = Vec::new();
     File::open(path)
@@ -163,8 +176,26 @@ fn read_encoded(path: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
 }
 
 /// Loads the model in a folder.
+/// The model in a folder, or the highest version in the folder of its versions.
 pub(super) fn load_model(path: &Path) -> anyhow::Result<LoadedModel> {
+    if !path.join(MODEL_FILE).exists()
+        && let Some(version) = highest_version(path)
+    {
+        let path = path.join(version.to_string());
+        eprintln!("note: taking the highest version, {}", path.display());
+        return load_model(&path);
+    }
     Model::load(path).with_context(|| format!("{} holds no model that can be loaded", path.display()))
+}
+
+/// The highest version of the model whose versions are in a folder, if it is one of such.
+fn highest_version(folder: &Path) -> Option<u64> {
+    let entries = fs::read_dir(folder).ok()?.filter_map(Result::ok);
+    let version = |entry: fs::DirEntry| {
+        let version = entry.file_name().to_string_lossy().parse().ok()?;
+        entry.path().join(MODEL_FILE).is_file().then_some(version)
+    };
+    entries.filter_map(version).max()
 }
 
 /// A parser of numbers that are at least this.

@@ -1,6 +1,7 @@
 //! `roomsight evaluate`: the rates of a model on labeled frames.
 
 mod stream;
+mod wrong;
 
 use super::data::{self, DataArgs, LimitArgs};
 use super::output::{self, say};
@@ -16,6 +17,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::io;
 use std::path::PathBuf;
 use stream::Stream;
+use wrong::WrongFrame;
 
 /// The most sequences that get a line each.
 const MAX_SEQUENCES: usize = 20;
@@ -36,6 +38,10 @@ pub(super) struct EvaluateArgs {
     /// [default: the filter's own]
     #[arg(long, value_name = "TRUST", num_args = 0.., require_equals = true, value_delimiter = ',')]
     filter: Option<Vec<Trust>>,
+    /// Also list the frames that were answered wrong, or right but unknown, with what they were taken for and the training
+    /// frames that spoke for it
+    #[arg(long)]
+    wrong: bool,
     /// Print the rates as JSON
     #[arg(long)]
     json: bool,
@@ -58,6 +64,9 @@ struct Report {
     /// With `--filter`: each frame by itself, then each trust.
     #[serde(skip_serializing_if = "Option::is_none")]
     streams: Option<Vec<Stream>>,
+    /// With `--wrong`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    wrong: Option<Vec<WrongFrame>>,
 }
 
 /// Answers all frames and prints the rates.
@@ -92,6 +101,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         knowledge: validate::knowledge(&described, &answers),
         by_sequence: by_sequence.map(|(name, answers)| (name, evaluate(&answers))).collect(),
         streams,
+        wrong: args.wrong.then(|| wrong::wrong_frames(&model, (&dataset, &described), &answers)),
     };
     if args.json {
         say!("{}", serde_json::to_string_pretty(&report)?)?;
@@ -135,6 +145,9 @@ fn print(report: &Report) -> io::Result<()> {
     }
     if let Some(streams) = &report.streams {
         stream::print(streams)?;
+    }
+    if let Some(frames) = &report.wrong {
+        wrong::print(frames)?;
     }
     Ok(())
 }

@@ -11,9 +11,9 @@ use std::path::{Path, PathBuf};
 /// Tell which room frames show
 #[derive(Args)]
 pub(super) struct RecognizeArgs {
-    /// Folder of the model, as `train` wrote it
+    /// Folder of the model, as `train` wrote it, or of its versions, of which the highest answers
     model: PathBuf,
-    /// Image files
+    /// Image files, or folders of them
     #[arg(required = true)]
     frames: Vec<PathBuf>,
     #[command(flatten)]
@@ -48,7 +48,15 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
     let mut scratch = Scratch::default();
     let mut table = output::table(["frame", "room", "probability", "known", "keypoints", "others"]);
     let mut n_failed = 0;
+    let mut frames = Vec::new();
     for path in &args.frames {
+        if path.is_dir() {
+            frames.extend(data::pictures_in(path)?);
+        } else {
+            frames.push(path.clone());
+        }
+    }
+    for path in &frames {
         let recognition = match data::read_frame(path, model.extractor(), &limits) {
             Ok(image) => {
                 if image.damaged_rows() > 0 {
@@ -78,11 +86,11 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
             ]);
         }
     }
-    if !args.json && n_failed < args.frames.len() {
+    if !args.json && n_failed < frames.len() {
         say!("{table}")?;
     }
     if n_failed > 0 {
-        bail!("{n_failed} of {} frames could not be read", args.frames.len());
+        bail!("{n_failed} of {} frames could not be read", frames.len());
     }
     Ok(())
 }

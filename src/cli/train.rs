@@ -74,7 +74,7 @@ pub(super) struct TrainArgs {
     #[command(flatten)]
     cache: CacheArgs,
     /// Add the frames to what this model has learned; its configuration, camera and words stay
-    #[arg(long, value_name = "MODEL", conflicts_with_all = ["config", "parameters", "opinions", "effort", "mask", "camera"])]
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["config", "parameters", "precision", "opinions", "effort", "mask", "camera"])]
     add: Option<PathBuf>,
     /// With --add, of kernel machines: drop support vectors of which the others make up all but this share. 0 loses nothing,
     /// more makes a smaller and faster model that answers a little worse

@@ -1,6 +1,7 @@
 //! What the commands say of data sets that hold more, less or other than a folder a room.
 
 use crate::{DONE, FAILED, LAB, QUICK, Told, done, frame, json, path, refused, roomsight, text, write_rooms};
+use serde_json::Value;
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -143,10 +144,46 @@ fn splits_and_folders_around_the_rooms_are_seen_through() {
 }
 
 #[test]
+fn a_folder_of_frames_and_a_folder_of_versions_are_what_they_are_meant_for() {
+    let folder = rooms(|rooms| fs::write(rooms.join("dots/notes.txt"), "nothing").unwrap());
+    let model = LAB.model();
+    let versions = model.strip_suffix("/1").unwrap();
+    let told = roomsight(&["recognize", "--json", versions, &path(&folder, "rooms/dots")]);
+    assert_eq!(told.code, DONE, "{}", told.err);
+    let answers: Vec<Value> = told.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(answers.len(), 12);
+    assert!(answers.iter().all(|answer| answer["room"] == "dots"), "{}", told.out);
+    assert!(
+        told.err.contains("taking the highest version") && told.err.contains("notes.txt"),
+        "{}",
+        told.err
+    );
+    let empty = TempDir::new().unwrap();
+    let error = refused(FAILED, &["recognize", &model, &text(empty.path())]);
+    assert!(error.contains("holds no picture"), "{error}");
+}
+
+#[test]
+fn a_promise_of_more_lets_fewer_answers_be_known() {
+    let folder = TempDir::new().unwrap();
+    let (data, model) = (LAB.data(), path(&folder, "model"));
+    let train = ["train", &data, "--networks", &path(&folder, "none"), "--json", "-o", &model];
+    let report = json(&[&train[..], &["--precision", "1"]].concat());
+    assert_eq!(report["verdict"]["knowledge"]["known"]["n_frames"], 0, "{report}");
+    let error = refused(crate::WRONG_USAGE, &["train", &data, "-o", "unused", "--precision", "95"]);
+    assert!(error.contains("it must be from 0 to 1"), "{error}");
+}
+
+#[test]
 fn rooms_that_a_model_does_not_know_are_named() {
     let folder = rooms(|rooms| fs::rename(rooms.join("dots"), rooms.join("Dots")).unwrap());
     let printed = done(&["evaluate", &LAB.model(), &path(&folder, "rooms")]);
     assert!(printed.contains("that the model does not know: 12 (Dots)"), "{printed}");
+    let report = json(&["evaluate", "--wrong", "--json", &LAB.model(), &path(&folder, "rooms")]);
+    let wrong = report["wrong"].as_array().unwrap();
+    let of_dots = wrong.iter().filter(|frame| frame["room"] == "Dots");
+    assert_eq!(of_dots.clone().count(), 12, "{report}");
+    assert!(of_dots.clone().all(|frame| frame["frame"].as_str().unwrap().contains("Dots")), "{report}");
 }
 
 #[test]

@@ -38,6 +38,10 @@ pub(in crate::cli) struct ConfigArgs {
     /// as needed (`inspect` lists the parameters of a model)
     #[arg(long = "set", value_name = "NAME=VALUE")]
     parameters: Vec<String>,
+    /// How often known answers are to be right, from 0 to 1; the more, the fewer are known
+    /// [default: 0.95, or as configured]
+    #[arg(long, value_name = "SHARE", value_parser = precision)]
+    precision: Option<f32>,
     /// Take these opinions of the configuration only
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     opinions: Vec<String>,
@@ -70,6 +74,12 @@ impl From<EffortName> for Effort {
     }
 }
 
+/// Reads a share.
+fn precision(text: &str) -> Result<f32, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "it must be from 0 to 1".to_owned())
+}
+
 impl ConfigArgs {
     /// What is chosen among: what is configured, or else the candidates of the effort.
     pub(in crate::cli) fn candidates(&self, dataset: &Dataset) -> anyhow::Result<Vec<Candidate>> {
@@ -88,7 +98,7 @@ impl ConfigArgs {
         let camera = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
         let mut candidates = Means { effort, camera, has_network }.candidates();
         for candidate in &mut candidates {
-            candidate.config = self.with_wanted_opinions(candidate.config.clone());
+            candidate.config = self.promising(self.with_wanted_opinions(candidate.config.clone()));
         }
         candidates.retain(|candidate| !candidate.config.opinions.is_empty());
         candidates.dedup_by(|later, earlier| later.config == earlier.config);
@@ -134,6 +144,13 @@ impl ConfigArgs {
         Ok(configs.into_iter().try_for_each(|config| config.link(&networks))?)
     }
 
+    /// With the promise that was asked for.
+    fn promising(&self, mut config: Config) -> Config {
+        let precision = self.precision.unwrap_or(config.calibration.known_precision);
+        config.calibration.known_precision = precision;
+        config
+    }
+
     fn with_wanted_opinions(&self, config: Config) -> Config {
         if self.opinions.is_empty() {
             return config;
@@ -152,7 +169,7 @@ impl ConfigArgs {
             }
             merge(&mut table, spelled_out(file)?);
         }
-        let config = self.with_wanted_opinions(changed(table, &self.parameters)?);
+        let config = self.promising(self.with_wanted_opinions(changed(table, &self.parameters)?));
         if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
             bail!("the configuration has no opinion called {name}");
         }
@@ -178,6 +195,7 @@ impl ConfigArgs {
             effort: EffortName::Balanced,
             config: None,
             parameters: parameters.to_vec(),
+            precision: None,
             opinions: Vec::new(),
             networks: PathBuf::from("networks"),
             mask: None,

@@ -105,7 +105,7 @@ impl Verdict {
         } else {
             say!(
                 "No answer will be known: too few held-out answers were right to promise anything. Take more frames, or \
-                 promise less (--set calibration.known_precision=0.8)."
+                 promise less (--precision 0.8)."
             )?;
         }
         if !self.confused.is_empty() {

@@ -1,0 +1,111 @@
+//! Which frames were answered wrong, and which training frames are to blame.
+
+use crate::cli::output::{self, say};
+use crate::dataset::{Dataset, Described};
+use crate::model::{Features, Model, Unknown};
+use crate::validate::Answered;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::io;
+use std::path::PathBuf;
+
+/// The most frames that are printed; `--json` has all.
+const MAX_PRINTED: usize = 30;
+
+/// The most training frames that are named for each.
+const MAX_BLAMED: usize = 3;
+
+/// A frame that was answered wrong, or right and yet unknown.
+#[derive(Debug, Serialize)]
+pub(super) struct WrongFrame {
+    frame: PathBuf,
+    /// The room that it shows.
+    room: String,
+    /// The room that was answered.
+    answered: String,
+    /// Of that room.
+    probability: f32,
+    /// Why the answer is not known; none where it is.
+    unknown: Option<Unknown>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    novelty: Option<f32>,
+    /// The training frames that spoke most for the answered room, by their names, of models that remember frames.
+    because_of: Vec<String>,
+}
+
+impl WrongFrame {
+    fn is_wrong(&self) -> bool {
+        self.room != self.answered
+    }
+}
+
+/// The wrong answers, the surest first, then the right ones that are unknown, the least sure first.
+pub(super) fn wrong_frames(
+    model: &Model,
+    (dataset, described): (&Dataset, &Described),
+    answers: &[Answered],
+) -> Vec<WrongFrame> {
+    let told = |answer: &Answered| {
+        let sample = &described.samples[answer.sample_idx];
+        let recognition = &answer.recognition;
+        let frame = WrongFrame {
+            frame: dataset.frames[described.frame_idxs[answer.sample_idx]].path.clone(),
+            room: sample.place.clone(),
+            answered: answer.place.clone(),
+            probability: recognition.probability(),
+            unknown: recognition.unknown,
+            novelty: recognition.novelty,
+            because_of: Vec::new(),
+        };
+        let because_of = || blamed(model, &sample.features, recognition.place_idx);
+        if frame.is_wrong() {
+            Some(WrongFrame { because_of: because_of(), ..frame })
+        } else {
+            frame.unknown.is_some().then_some(frame)
+        }
+    };
+    let mut frames: Vec<WrongFrame> = answers.iter().filter_map(told).collect();
+    frames.sort_by(|a, b| {
+        let by_kind = b.is_wrong().cmp(&a.is_wrong());
+        let by_probability = b.probability.total_cmp(&a.probability);
+        by_kind.then(if a.is_wrong() { by_probability } else { by_probability.reverse() })
+    });
+    frames
+}
+
+/// The training frames whose features spoke most for a room.
+fn blamed(model: &Model, features: &Features, place_idx: usize) -> Vec<String> {
+    let mut weights: BTreeMap<String, f32> = BTreeMap::new();
+    for evidence in model.explain(features, place_idx) {
+        if let Some(frame) = evidence.frame {
+            *weights.entry(frame).or_default() += evidence.weight;
+        }
+    }
+    let mut frames: Vec<(String, f32)> = weights.into_iter().collect();
+    frames.sort_by(|a, b| b.1.total_cmp(&a.1));
+    frames.into_iter().take(MAX_BLAMED).map(|(frame, _)| frame).collect()
+}
+
+pub(super) fn print(frames: &[WrongFrame]) -> io::Result<()> {
+    if frames.is_empty() {
+        return say!("\nNo frame was answered wrong, and all answers are known.");
+    }
+    let n_wrong = frames.iter().filter(|frame| frame.is_wrong()).count();
+    say!("\nAnswered wrong, the surest first: {n_wrong}. Right but unknown: {}.", frames.len() - n_wrong)?;
+    let mut table = output::table(["frame", "shows", "answered", "", "known", "because of"]);
+    for frame in frames.iter().take(MAX_PRINTED) {
+        table.add_row([
+            frame.frame.display().to_string(),
+            frame.room.clone(),
+            frame.answered.clone(),
+            format!("{:.2}", frame.probability),
+            frame.unknown.map_or("yes".to_owned(), |why| format!("no: {why}")),
+            frame.because_of.join("\n"),
+        ]);
+    }
+    say!("{table}")?;
+    if frames.len() > MAX_PRINTED {
+        say!("{} more: see --json.", frames.len() - MAX_PRINTED)?;
+    }
+    Ok(())
+}
