@@ -37,13 +37,15 @@ impl Flaw {
     pub fn of(image: &Image, view: &View) -> Option<Self> {
         let mut histogram = [0usize; 256];
         let (mut n_pixels, mut n_edges, mut sum) = (0, 0, 0u64);
+        // So that edges at multiples of eight, as of blocks of JPEG and of test pictures, lie between neighbors.
+        let first = STEP - NEIGHBOR / 2;
+        let columns = (first..image.width().saturating_sub(NEIGHBOR)).step_by(STEP);
+        let mut outside = vec![0; columns.len()];
         for y in (0..image.height()).step_by(STEP) {
             let row = image.row(y);
-            // So that edges at multiples of eight, as of blocks of JPEG and of test pictures, lie between neighbors.
-            for x in (STEP - NEIGHBOR / 2..image.width().saturating_sub(NEIGHBOR)).step_by(STEP) {
-                if !view.contains(x as f32, y as f32, NEIGHBOR as f32) {
-                    continue;
-                }
+            let (start, step) = ((first as f32, y as f32), (STEP as f32, 0.0));
+            view.mark_outside(start, step, NEIGHBOR as f32, &mut outside);
+            for (x, _) in columns.clone().zip(&outside).filter(|(_, outside)| **outside == 0) {
                 let pixel = row[x];
                 n_pixels += 1;
                 sum += u64::from(pixel);
