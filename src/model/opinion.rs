@@ -1,8 +1,8 @@
 //! Opinions: the ways to tell rooms apart that a model may have, each in a file of its own.
 //!
 //! To add one, write its file: a configuration that says what it looks at ([`Sight`]), what is wrong with its
-//! parameters, which are worth trying, how it is calibrated and how much it counts where nothing is known; and a [`Recognizer`] that is
-//! trained, answers, goes on learning, gives its reasons, and has arrays. Then name both in the enums here. Everything else
+//! parameters, which are worth trying, how it is calibrated, how much it counts where nothing is known and what its answers tell of how
+//! familiar a frame is ([`Sign`]); and a [`Recognizer`] that is trained, answers, goes on learning, gives its reasons, and has arrays. Then name both in the enums here. Everything else
 //! (calibration, weights, the file, evaluation, tuning, experiments) works on opinions without knowing which.
 
 mod kept;
