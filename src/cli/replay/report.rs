@@ -22,7 +22,8 @@ pub struct GateArgs {
     /// Fail where more frames than this were dropped
     #[arg(long, value_name = "N")]
     max_drops: Option<u64>,
-    /// Fail where fewer answers are right than this share; the filter's where there is one
+    /// Fail where a smaller share of the frames that were sent is answered right, by the filter where there is one; a frame
+    /// without an answer is not
     #[arg(long, value_name = "RATE", value_parser = share)]
     min_accuracy: Option<f64>,
 }
@@ -141,7 +142,10 @@ impl Report {
     /// Holds the figures against the gates. What was not measured holds nothing.
     pub fn judge(&mut self, args: &GateArgs) {
         let n_errors = self.errors.values().sum::<u64>() + self.frames.unaccounted;
-        let accuracy = self.accuracy_filtered.or(self.accuracy_raw).and_then(|rate| rate.rate);
+        let n_unanswered = self.frames.sent.saturating_sub(self.frames.results);
+        let of_sent = |rate: Rate| rate.n_correct as f64 / (rate.n_frames as f64 + n_unanswered as f64);
+        let answered = self.accuracy_filtered.or(self.accuracy_raw).filter(|rate| rate.n_frames > 0);
+        let accuracy = answered.map(of_sent);
         let at_most = |gate, bound: Option<f64>, measured: Option<f64>| {
             let passed = |bound| measured.is_some_and(|measured| measured <= bound);
             bound.map(|bound| Gate { gate, bound, measured, passed: passed(bound) })
@@ -289,5 +293,9 @@ mod tests {
         tally.lose(DropReason::Superseded);
         assert_eq!(judged(&tally, &args(3.0, 2, 1, 0.0)), expected([true, true, true, false]));
         assert_eq!(judged(&tally, &args(1.0, 1, 0, 0.0)), expected([false, false, false, false]));
+        // One of four was answered right.
+        tally.raw.add(true);
+        assert_eq!(judged(&tally, &args(3.0, 2, 1, 0.25)), expected([true; 4]));
+        assert_eq!(judged(&tally, &args(3.0, 2, 1, 0.26)), expected([true, true, true, false]));
     }
 }

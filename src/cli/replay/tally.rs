@@ -142,7 +142,7 @@ pub struct Score {
 }
 
 impl Score {
-    fn add(&mut self, is_correct: bool) {
+    pub fn add(&mut self, is_correct: bool) {
         self.n_correct += usize::from(is_correct);
         self.n_frames += 1;
     }
