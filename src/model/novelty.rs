@@ -28,6 +28,12 @@ const PRIOR_OFFSET: f64 = -1.5;
 /// Standard deviations beyond which a sign says no more.
 const MOST_DEVIATIONS: f64 = 6.0;
 
+/// A sign that is always the same has this standard deviation.
+const LEAST_DEVIATION: f64 = 1e-6;
+
+/// No number of a file is larger.
+const LARGEST: f64 = 1e12;
+
 /// How probable it is that a frame shows a place that was never trained, as if every other frame did.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Novelty {
@@ -98,7 +104,7 @@ impl Novelty {
             let values: Vec<f64> = known().filter_map(|observed| observed.signs[sign_idx]).collect();
             let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
             let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
-            let deviation = (variance / values.len().max(1) as f64).sqrt().max(1e-6);
+            let deviation = (variance / values.len().max(1) as f64).sqrt().max(LEAST_DEVIATION);
             novelty.scales.push(Scale { mean, deviation, weight: sign.prior_weight });
         }
         let n_new = observed.len() - n_known;
@@ -170,15 +176,17 @@ impl Novelty {
         let n_signs = all_signs(config).count();
         let doubles = |name| {
             let values = file.doubles(name)?;
-            let are_numbers = values.iter().all(|value| value.is_finite());
-            require(are_numbers, "what tells new places is no number")?;
+            // So that no sum of them overflows.
+            let are_sensible = values.iter().all(|value| value.abs() <= LARGEST);
+            require(are_sensible, "what tells new places is out of range")?;
             Ok::<_, FormatError>(values)
         };
         let (means, deviations) = (doubles("novelty.means")?, doubles("novelty.deviations")?);
         let (weights, offset) = (doubles("novelty.weights")?, doubles("novelty.offset")?);
         let are_all = [&means, &deviations, &weights].iter().all(|values| values.len() == n_signs);
         require(are_all && offset.len() == 1, "what tells new places is of other opinions")?;
-        require(deviations.iter().all(|&deviation| deviation > 0.0), "what tells new places has no spread")?;
+        let have_spread = deviations.iter().all(|&deviation| deviation >= LEAST_DEVIATION);
+        require(have_spread, "what tells new places has no spread")?;
         let scales = means.into_iter().zip(deviations).zip(weights);
         let scale = |((mean, deviation), weight)| Scale { mean, deviation, weight };
         Ok(Some(Self { scales: scales.map(scale).collect(), offset: offset[0] }))

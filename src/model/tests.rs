@@ -488,6 +488,7 @@ proptest! {
             let mut random = ChaCha8Rng::seed_from_u64(1);
             let answer = model.recognize(&frame(0, &mut random), &mut Scratch::default());
             prop_assert!(answer.place_idx < model.places().len());
+            prop_assert!(answer.novelty.is_none_or(|novelty| (0.0..=1.0).contains(&novelty)));
         }
     }
 }
