@@ -1,5 +1,6 @@
 """Both clients against the real service, with simulated frames."""
 
+import io
 import logging
 import socket
 import subprocess
@@ -7,6 +8,8 @@ import sys
 import time
 import unittest
 
+import numpy as np
+from PIL import Image
 from roomsight import AsyncClient, Client, ConnectionLost, Dropped, Error, Refused, Result
 from running import PATIENCE_S, RunningService
 
@@ -52,6 +55,22 @@ class Service(RunningService, unittest.IsolatedAsyncioTestCase):
                 self.assertEqual(answer.answer.room, client.recognize(frame).room)
                 self.assertIn(answer.room, stream.hello.rooms)
                 self.assertIsNotNone(answer.age_ms)
+
+    def test_pixels_in_memory_are_frames(self) -> None:
+        gray = np.arange(96 * 64, dtype=np.uint8).reshape(64, 96)
+        color = np.stack([gray, gray[::-1], gray[:, ::-1]], axis=2)
+        with Client(self.url) as client:
+            for pixels in [gray, color]:
+                image = Image.fromarray(pixels)
+                png = io.BytesIO()
+                image.save(png, format="png")
+                expected = client.recognize(png.getvalue()).probabilities
+                # What is not laid out row by row is sent row by row.
+                for frame in [pixels, image, pixels.T.copy().T]:
+                    self.assertEqual(client.recognize(frame).probabilities, expected)
+            for wrong in [gray.astype(np.float32), color[:, :, :2], 3]:
+                with self.assertRaises(TypeError):
+                    client.recognize(wrong)
 
     def test_a_bad_frame_is_answered_and_the_stream_lives(self) -> None:
         with Client(self.url) as client, client.stream(filter=False) as stream:

@@ -6,7 +6,7 @@ import json
 import os
 import ssl
 from pathlib import Path
-from typing import Any, Optional, TypeVar, Union
+from typing import Any, Optional, Protocol, TypeVar, Union
 
 import httpx
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
@@ -17,8 +17,19 @@ from .types import Problem, decode
 
 T = TypeVar("T")
 
-#: An encoded image (JPEG, PNG, ...), or the file that holds it.
-Frame = Union[bytes, "os.PathLike[str]", str]
+
+class Picture(Protocol):
+    """Pixels in memory, such as a NumPy array or a Pillow image."""
+
+    @property
+    def __array_interface__(self) -> dict[str, Any]: ...
+
+    def tobytes(self) -> bytes: ...
+
+
+#: An encoded image (JPEG, PNG, ...), the path of one, or 8-bit pixels: height x width (gray) or height x width x 3
+#: (RGB; OpenCV's are BGR: ``frame[:, :, ::-1]``).
+Frame = Union[bytes, "os.PathLike[str]", str, Picture]
 
 DEFAULT_URL = "http://127.0.0.1:8080"
 #: How long to wait for a connection or the answer to a call, in seconds.
@@ -45,8 +56,24 @@ def tls(url: str, context: Optional[ssl.SSLContext]) -> Optional[ssl.SSLContext]
 
 
 def frame_bytes(frame: Frame) -> bytes:
-    """The encoded image."""
-    return frame if isinstance(frame, bytes) else Path(frame).read_bytes()
+    """The encoded image. Raises ``TypeError`` where pixels are none that can be sent."""
+    if isinstance(frame, bytes):
+        return frame
+    if isinstance(frame, (str, os.PathLike)):
+        return Path(frame).read_bytes()
+    if hasattr(frame, "__array_interface__"):
+        return _encoded(frame)
+    raise TypeError(f"a frame is bytes, a path, a NumPy array or a Pillow image, not {type(frame).__name__}")
+
+
+def _encoded(picture: Picture) -> bytes:
+    """As a portable graymap or pixmap: nothing is lost, and nothing has to be compressed."""
+    shape, kind = picture.__array_interface__["shape"], picture.__array_interface__["typestr"]
+    is_gray = len(shape) == 2
+    if kind != "|u1" or not (is_gray or (len(shape) == 3 and shape[2] == 3)):
+        sides = " x ".join(str(side) for side in shape)
+        raise TypeError(f"pixels are 8-bit, height x width or height x width x 3, not {sides} of {kind}")
+    return b"%s %d %d 255\n" % (b"P5" if is_gray else b"P6", shape[1], shape[0]) + picture.tobytes()
 
 
 def recognize_call(frame: Frame, query: dict[str, Any]) -> dict[str, Any]:
