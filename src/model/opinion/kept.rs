@@ -28,24 +28,23 @@ impl KeptRows {
     }
 
     fn push(&mut self, row: &[f32]) {
-        let largest = row.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
-        let unit = if largest > 0.0 { largest / LARGEST } else { 1.0 };
-        let values: Vec<i8> = row.iter().map(|value| (value / unit).round() as i8).collect();
+        let (values, unit) = rounded(row);
         self.push_values(&values, unit);
     }
 
     fn push_values(&mut self, values: &[i8], unit: f32) {
         self.values.extend(values);
         self.units.push(unit);
-        self.lengths.push(length(values.iter().map(|&value| f32::from(value))));
+        self.lengths.push((product(values, values) as f32).sqrt());
     }
 
     /// The largest cosine between a row of as many numbers and one that is kept, -1 without any.
     pub(super) fn nearest_cosine(&self, row: &[f32]) -> f32 {
-        let of_row = length(row.iter().copied());
+        // In whole numbers, since the compiler then multiplies many at once.
+        let (row, _) = rounded(row);
+        let of_row = (product(&row, &row) as f32).sqrt();
         let cosine = |(values, of_kept): (&[i8], &f32)| {
-            let product: f32 = values.iter().zip(row).map(|(&kept, value)| f32::from(kept) * value).sum();
-            product / (of_kept * of_row).max(f32::MIN_POSITIVE)
+            product(values, &row) as f32 / (of_kept * of_row).max(f32::MIN_POSITIVE)
         };
         let rows = self.values.chunks_exact(self.n_cols.max(1)).zip(&self.lengths);
         rows.map(cosine).fold(-1.0, f32::max)
@@ -118,8 +117,21 @@ impl KeptRows {
     }
 }
 
-fn length(values: impl Iterator<Item = f32>) -> f32 {
-    values.map(|value| value * value).sum::<f32>().sqrt()
+/// A row in whole numbers, and what 1 stands for.
+fn rounded(row: &[f32]) -> (Vec<i8>, f32) {
+    let largest = row.iter().fold(0.0_f32, |largest, value| largest.max(value.abs()));
+    let unit = if largest > 0.0 { largest / LARGEST } else { 1.0 };
+    (row.iter().map(|value| (value / unit).round() as i8).collect(), unit)
+}
+
+/// The sum of the products.
+fn product(a: &[i8], b: &[i8]) -> i64 {
+    /// So many products fit into 32 bits.
+    const CHUNK: usize = 1 << 16;
+    let of_chunk = |(a, b): (&[i8], &[i8])| {
+        i64::from(a.iter().zip(b).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum::<i32>())
+    };
+    a.chunks(CHUNK).zip(b.chunks(CHUNK)).map(of_chunk).sum()
 }
 
 #[cfg(test)]
@@ -143,8 +155,13 @@ mod tests {
     fn the_nearest_row_is_the_one_of_the_same_direction() {
         let kept = KeptRows::new(&Matrix::from_vec(vec![1.0, 0.0, 3.0, 4.0], 2).unwrap());
         assert!((kept.nearest_cosine(&[6.0, 8.0]) - 1.0).abs() < 1e-4);
-        assert!((kept.nearest_cosine(&[0.0, -1.0]) - 0.0).abs() < 1e-4);
+        assert!(kept.nearest_cosine(&[0.0, -1.0]).abs() < 1e-4);
+        assert!((kept.nearest_cosine(&[0.1, -0.01]) - 0.995).abs() < 0.01);
         assert_eq!(kept.nearest_cosine(&[0.0, 0.0]), 0.0);
+        // More than 32 bits hold.
+        let long = vec![1.0; 1 << 18];
+        let kept_long = KeptRows::new(&Matrix::from_vec(long.clone(), long.len()).unwrap());
+        assert!((kept_long.nearest_cosine(&long) - 1.0).abs() < 1e-4);
         assert_eq!(KeptRows::default().nearest_cosine(&[1.0]), -1.0);
     }
 
