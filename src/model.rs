@@ -58,7 +58,7 @@ pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
 pub use trial::{Stage, TrialError, TriedModel, try_model};
 
 use crate::camera::Camera;
-use crate::filter::{Observation, Transitions};
+use crate::filter::{Observation, RoomFilter, Transitions};
 use crate::image::{Image, ImageError, Limits};
 use crate::network::NetworkError;
 use crate::svm::most_probable;
@@ -80,7 +80,7 @@ pub struct Recognition {
     /// were right as often as [`CalibrationConfig::known_precision`] promises.
     pub known: bool,
     /// How probable it is that the frame shows a place that was never trained, from 0 to 1, as if every other frame did.
-    /// `None` of models that cannot tell.
+    /// `None` of models that cannot tell, and where nothing was seen.
     pub novelty: Option<f32>,
     /// Why it is not known; `None` where it is.
     pub unknown: Option<Unknown>,
@@ -261,6 +261,16 @@ impl Model {
         self.classification.known.map(|known| known.most_novelty)
     }
 
+    /// Whether a robot may act on what a filter of its answers says: never where no single answer is known.
+    pub fn knows(&self, filter: &RoomFilter) -> bool {
+        self.known_probability().is_some() && filter.is_sure()
+    }
+
+    /// Whether it tells places that were never trained.
+    pub fn tells_new_places(&self) -> bool {
+        self.classification.novelty.is_some()
+    }
+
     /// What sees in frames what its opinions look at.
     pub fn extractor(&self) -> &Extractor {
         &self.extractor
@@ -333,16 +343,12 @@ impl Classification {
             .map(|(opinion, said)| Some(opinion.calibration.probabilities(&said.as_ref()?.values)))
             .collect();
         let weights: Vec<f64> = self.opinions.iter().map(|opinion| opinion.weight).collect();
-        let Some(probabilities) = pool::answer(&by_opinion, &weights, self.doubt) else {
-            // Nothing was seen: no room is more probable than another.
-            let probabilities = vec![1.0 / self.n_places as f32; self.n_places];
-            let novelty = self.novelty.as_ref().map(|_| 1.0);
-            return Recognition::new(probabilities, novelty, None, features);
-        };
-        let novelty = self
-            .novelty
-            .as_ref()
-            .map(|novelty| novelty.of(&novelty::signs_of(config, &said, &by_opinion, &probabilities)));
+        let probabilities = pool::answer(&by_opinion, &weights, self.doubt, self.n_places);
+        if said.iter().all(Option::is_none) {
+            return Recognition::new(probabilities, None, None, features);
+        }
+        let signs = novelty::signs_of(config, &said, &by_opinion, &probabilities);
+        let novelty = self.novelty.as_ref().map(|novelty| novelty.of(&signs));
         Recognition::new(probabilities, novelty, self.known, features)
     }
 

@@ -12,7 +12,7 @@ use crate::dataset::{Dataset, Described};
 use crate::evaluate::{self, Answer, Changes, Evaluation, Knowledge, Sighting, StreamAnswer, Trusted};
 use crate::filter::{RoomFilter, Trust};
 use crate::folds::folds;
-use crate::model::{Choice, Config, Model, Recognition, Sample, TrainError};
+use crate::model::{Choice, Config, Model, Recognition, Sample, TrainError, Unknown};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -171,9 +171,10 @@ pub fn filtered(
         let raw = &answered.recognition;
         let probabilities =
             filter.update(model.transitions(), elapsed.unwrap_or_default(), raw.observation()).to_vec();
-        let (known, novelty) = (filter.is_known(), filter.novelty());
-        let recognition =
-            Recognition { place_idx: filter.place_idx(), known, novelty, probabilities, ..raw.clone() };
+        let (known, novelty) = (model.knows(&filter), filter.novelty());
+        let unknown = if known { None } else { raw.unknown.or(Some(Unknown::Unsure)) };
+        let place_idx = filter.place_idx();
+        let recognition = Recognition { place_idx, known, novelty, unknown, probabilities, ..raw.clone() };
         Answered { place: model.places()[recognition.place_idx].clone(), recognition, ..*answered }
     };
     elapsed(dataset, described, answers).into_iter().zip(answers).map(filter_answer).collect()

@@ -175,7 +175,6 @@ fn read_encoded(path: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Loads the model in a folder.
 /// The model in a folder, or the highest version in the folder of its versions.
 pub(super) fn load_model(path: &Path) -> anyhow::Result<LoadedModel> {
     if !path.join(MODEL_FILE).exists()

@@ -140,7 +140,8 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let evaluation = validate::evaluate(dataset, described, &answers);
     let taken: Vec<_> =
         described.samples.iter().map(|sample| (sample.place.as_str(), sample.sequence.as_str())).collect();
-    let verdict = Verdict::of(&evaluation, validate::knowledge(described, &answers), &taken);
+    let knowledge = validate::knowledge(described, &answers);
+    let verdict = Verdict::of(&evaluation, knowledge, model.known_probability().is_some(), &taken);
     args.gates_hold(&verdict, &evaluation)?;
     let card = card(args, &trained, &evaluation);
     let transitions = match &args.add {
@@ -173,7 +174,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         say!()?;
     }
     output::print_evaluation(&evaluation)?;
-    verdict.print()?;
+    verdict.print(args.add.is_none())?;
     if let Some(choice) = &card.choice {
         say!("\n{}", choices(choice))?;
     }

@@ -150,7 +150,7 @@ fn a_robot_that_is_carried_elsewhere_is_unknown_within_a_second_and_known_again_
             let frame = Observation { probabilities: &[0.9, 0.05, 0.05], novelty: Some(novelty) };
             filter.update(&transitions, 1.0 / FRAMES_A_SECOND as f64, frame);
         }
-        (filter.is_known(), filter.novelty().unwrap())
+        (filter.is_sure(), filter.novelty().unwrap())
     };
     assert!(is_known_after(300, 0.1).0);
     assert!(is_known_after(1, 0.9).0, "one frame in a doorway");
@@ -171,7 +171,7 @@ fn frames_in_which_nothing_is_seen_let_time_pass_alone() {
     assert_eq!(filter.update(&transitions, 0.0, rooms(&[])), before.belief());
     assert_eq!(filter.novelty(), before.novelty());
     (0..1000).for_each(|_| _ = filter.update(&transitions, 60.0, rooms(&[])));
-    assert!(!filter.is_known());
+    assert!(!filter.is_sure());
     let no_number = Observation { probabilities: &[0.9, 0.1], novelty: Some(f32::NAN) };
     filter.update(&transitions, f64::NAN, no_number);
     assert!(filter.novelty().unwrap().is_finite());
@@ -250,5 +250,15 @@ proptest! {
                 (0..4).map(|from| rate(from) * f64::from(transitions.next().row(from)[to])).sum();
             prop_assert!((arriving / rate(to) - 1.0).abs() < 1e-4, "in {arriving}, out {}", rate(to));
         }
+    }
+}
+
+#[test]
+fn where_it_is_after_a_gap_does_not_depend_on_how_often_it_was_asked() {
+    for before in [0.0, 0.3, 1.0] {
+        let twice = elsewhere(elsewhere(before, 200.0, None), 100.0, None);
+        assert!((twice - elsewhere(before, 300.0, None)).abs() < 1e-12);
+        let share_of_time = SECONDS_ELSEWHERE / (SECONDS_ELSEWHERE + SECONDS_AMONG_ROOMS);
+        assert!((elsewhere(before, 1e9, None) - share_of_time).abs() < 1e-12);
     }
 }

@@ -54,7 +54,10 @@ impl Flaw {
             }
         }
         let brighter: usize = histogram[usize::from(DARK)..].iter().sum();
-        if n_pixels == 0 || brighter * 50 <= n_pixels {
+        if n_pixels == 0 {
+            return None;
+        }
+        if brighter * 50 <= n_pixels {
             return Some(Self::Dark);
         }
         if n_edges * 1000 >= LEAST_EDGES * n_pixels {

@@ -74,8 +74,7 @@ impl Fusion {
     /// What is answered to a frame that was decided so.
     pub(super) fn answer(&self, config: &Config, decided: &Decided, n_places: usize) -> Answer {
         let Judged { by_opinion, .. } = judged(decided, &self.calibrations);
-        let probabilities = pool::answer(&by_opinion, &self.weights, self.doubt);
-        let probabilities = probabilities.unwrap_or_else(|| vec![1.0 / n_places as f32; n_places]);
+        let probabilities = pool::answer(&by_opinion, &self.weights, self.doubt, n_places);
         let signs = novelty::signs_of(config, &decided.said, &by_opinion, &probabilities);
         Answer { label: decided.label, probabilities, signs }
     }

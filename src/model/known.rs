@@ -9,8 +9,8 @@ const SHARE_NEW: f64 = 0.05;
 /// promise nothing.
 const N_ASSUMED: f64 = 5.0;
 
-/// These were right as often as the probabilities of the others say, and at least so often: the probabilities of small models are
-/// cautious.
+/// These were right as often as the probabilities of the others say, and at least so often, since the probabilities of small models
+/// are cautious; but no oftener than is promised.
 const ASSUMED_RATE: f64 = 0.9;
 
 /// Thresholds of novelty that are tried.
@@ -74,6 +74,7 @@ impl Known {
 
 /// The lowest probability from which on answers, the most probable first, are right often enough.
 fn least_probability(outcomes: &[(f64, Outcome)], config: &CalibrationConfig) -> Option<f32> {
+    let promised = f64::from(config.known_precision);
     let (mut n_answers, mut n_right, mut sum) = (0.0, 0.0, 0.0);
     let mut lowest = None;
     for equal in outcomes.chunk_by(|(_, a), (_, b)| a.probability == b.probability) {
@@ -82,8 +83,9 @@ fn least_probability(outcomes: &[(f64, Outcome)], config: &CalibrationConfig) ->
             n_right += if *is_right { *weight } else { 0.0 };
             sum += weight * f64::from(*probability);
         }
-        let share = (n_right + N_ASSUMED * ASSUMED_RATE.max(sum / n_answers)) / (n_answers + N_ASSUMED);
-        if n_right > 0.0 && share >= f64::from(config.known_precision) {
+        let assumed_rate = ASSUMED_RATE.max(sum / n_answers).min(promised);
+        let share = (n_right + N_ASSUMED * assumed_rate) / (n_answers + N_ASSUMED);
+        if n_right >= N_ASSUMED && share >= promised {
             lowest = Some(equal[0].1.probability);
         }
     }
@@ -119,10 +121,15 @@ mod tests {
 
     #[test]
     fn one_or_two_right_answers_promise_nothing() {
-        let enough =
-            |n_right, precision| choose(&outcomes(&[(0.8, 0.0, true)], n_right), &[], precision).is_some();
-        assert!(!enough(2, 0.95) && !enough(4, 0.95) && enough(5, 0.95));
-        assert!(!enough(5, 0.99) && enough(60, 0.99));
+        let enough = |n_right, probability, precision| {
+            choose(&outcomes(&[(probability, 0.0, true)], n_right), &[], precision).is_some()
+        };
+        assert!(!enough(2, 0.8, 0.95) && !enough(4, 0.8, 0.95) && enough(5, 0.8, 0.95));
+        assert!(!enough(5, 0.8, 0.99) && enough(60, 0.8, 0.99));
+        assert!(!enough(4, 0.99, 0.95) && enough(5, 0.99, 0.95));
+        assert!(!enough(4, 0.8, 0.5) && enough(5, 0.8, 0.5));
+        let mostly_wrong = [(0.8, 0.0, true), (0.8, 0.0, false), (0.8, 0.0, false)];
+        assert_eq!(choose(&outcomes(&mostly_wrong, 5), &[], 0.5), None);
     }
 
     #[test]

@@ -43,8 +43,8 @@ pub(super) struct RoundDecision {
     pub(super) is_new: bool,
 }
 
-/// The rounds for samples of these folds and rooms: as few as decide enough frames of left-out rooms, each room left out as often
-/// as others. None where fewer than three rooms leave nothing to tell apart.
+/// The rounds for samples of these folds and rooms: as few as decide enough frames of left-out rooms and leave out each room once
+/// at least. None where fewer than three rooms leave nothing to tell apart.
 pub(super) fn rounds(folds: &[usize], labels: &[usize], seed: u64) -> Vec<Round> {
     let n_places = labels.iter().max().map_or(0, |last| last + 1);
     let n_folds = folds.iter().max().map_or(0, |last| last + 1);
@@ -55,6 +55,11 @@ pub(super) fn rounds(folds: &[usize], labels: &[usize], seed: u64) -> Vec<Round>
     places.iter().enumerate().for_each(|(rank, &place)| group_of[place] = rank % n_groups);
     let (mut rounds, mut n_new) = (Vec::new(), 0);
     for turn in 0..n_groups {
+        // Each turn is about one group more.
+        let each_was_left_out = n_folds + turn > n_groups;
+        if each_was_left_out && n_new >= ENOUGH_FRAMES {
+            break;
+        }
         for fold in 0..n_folds {
             let is_left_out = |idx: usize| group_of[labels[idx]] == (fold + turn) % n_groups;
             let in_fold = |idx: &usize| folds[*idx] == fold;
@@ -70,9 +75,6 @@ pub(super) fn rounds(folds: &[usize], labels: &[usize], seed: u64) -> Vec<Round>
             let frames: Vec<RoundFrame> = frames.collect();
             n_new += frames.iter().filter(|frame| frame.is_new).count();
             rounds.push(Round { fold, training, frames });
-        }
-        if n_new >= ENOUGH_FRAMES {
-            break;
         }
     }
     if n_new == 0 { Vec::new() } else { rounds }
@@ -162,6 +164,11 @@ mod tests {
     fn many_frames_take_one_turn_and_two_rooms_none() {
         let (folds, labels): (Vec<usize>, Vec<usize>) = (0..3000).map(|idx| (idx % 5, idx / 300)).unzip();
         assert_eq!(rounds(&folds, &labels, 1).len(), 5);
+        // Of two folds each leaves out one of five groups a turn.
+        let two_folds: Vec<usize> = folds.iter().map(|fold| fold % 2).collect();
+        let rounds_of_two = rounds(&two_folds, &labels, 1);
+        let new = rounds_of_two.iter().flat_map(|round| &round.frames).filter(|frame| frame.is_new);
+        assert_eq!(new.map(|frame| labels[frame.sample_idx]).collect::<BTreeSet<_>>().len(), 10);
         let (folds, labels): (Vec<usize>, Vec<usize>) = (0..12).map(|idx| (idx % 3, idx / 6)).unzip();
         assert_eq!(rounds(&folds, &labels, 1), []);
         assert_eq!(rounds(&[], &[], 1), []);

@@ -54,6 +54,19 @@ struct Scale {
     weight: f64,
 }
 
+impl Scale {
+    /// Of what was observed; a sign that never was counts nothing.
+    fn of(values: &[f64], prior_weight: f64) -> Self {
+        if values.is_empty() {
+            return Self { mean: 0.0, deviation: 1.0, weight: 0.0 };
+        }
+        let n_values = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n_values;
+        let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n_values;
+        Self { mean, deviation: variance.sqrt().max(LEAST_DEVIATION), weight: prior_weight }
+    }
+}
+
 /// The signs of a frame: those of each opinion, and those of the pool; none of an opinion that saw nothing.
 pub(super) type Signs = Vec<Option<f64>>;
 
@@ -65,7 +78,8 @@ pub(super) struct Observed {
     pub(super) is_new: bool,
 }
 
-/// The signs of a frame of which opinions said `said`, each for these rooms, and all together this.
+/// The signs of a frame of which opinions said `said`, each for these rooms, and all together this. Most depend a little on how many
+/// rooms there are; where rooms are left out there are fewer, for frames of trained rooms as for others.
 pub(super) fn signs_of(
     config: &Config,
     said: &[Option<Said>],
@@ -102,10 +116,7 @@ impl Novelty {
         let mut novelty = Self { scales: Vec::new(), offset: PRIOR_OFFSET };
         for (sign_idx, sign) in all_signs(config).enumerate() {
             let values: Vec<f64> = known().filter_map(|observed| observed.signs[sign_idx]).collect();
-            let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-            let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();
-            let deviation = (variance / values.len().max(1) as f64).sqrt().max(LEAST_DEVIATION);
-            novelty.scales.push(Scale { mean, deviation, weight: sign.prior_weight });
+            novelty.scales.push(Scale::of(&values, sign.prior_weight));
         }
         let n_new = observed.len() - n_known;
         if n_new > 0 {
@@ -137,10 +148,11 @@ impl Novelty {
         self.offset = weights[n + 1] - weights[n];
     }
 
-    /// How many standard deviations each sign is above the mean.
+    /// How many standard deviations each sign that counts is above the mean.
     fn deviations(&self, signs: &Signs) -> impl Iterator<Item = Option<f64>> {
         let deviation = |(scale, sign): (&Scale, &Option<f64>)| {
-            sign.map(|sign| ((sign - scale.mean) / scale.deviation).clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS))
+            sign.filter(|_| scale.weight > 0.0)
+                .map(|sign| ((sign - scale.mean) / scale.deviation).clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS))
         };
         self.scales.iter().zip(signs).map(deviation)
     }
@@ -228,6 +240,18 @@ mod tests {
         assert!(novelty.of(&strange) > 0.99);
         let arrays = novelty.to_arrays();
         assert_eq!(arrays.len(), 4);
+    }
+
+    #[test]
+    fn a_sign_that_no_trained_room_ever_showed_counts_nothing() {
+        let config = Config::default();
+        let mut observed = observed(400);
+        observed.iter_mut().for_each(|observed| observed.signs[0] = observed.is_new.then_some(3.0));
+        let novelty = Novelty::fit(&config, &observed).unwrap();
+        assert!(novelty.weights()[0] < 1e-3, "{:?}", novelty.weights());
+        let rest = [None, Some(0.5), Some(0.5)];
+        let of = |first| novelty.of(&[&[first], &rest[..]].concat());
+        assert!((of(Some(3.0)) - of(None)).abs() < 0.01 && (of(Some(-1e3)) - of(None)).abs() < 0.01);
     }
 
     #[test]

@@ -60,13 +60,18 @@ fn doubted(mut probabilities: Vec<f32>, doubt: f64) -> Vec<f32> {
 }
 
 /// What opinions say together: one probability a room from those of each that saw something and its weight, `doubt` of
-/// it shared among all rooms. `None` where none saw anything that counts.
-pub(super) fn answer(by_opinion: &[Option<Vec<f32>>], weights: &[f64], doubt: f64) -> Option<Vec<f32>> {
+/// it shared among all rooms. No room is more probable than another where none saw anything that counts.
+pub(super) fn answer(
+    by_opinion: &[Option<Vec<f32>>],
+    weights: &[f64],
+    doubt: f64,
+    n_places: usize,
+) -> Vec<f32> {
     let votes = by_opinion.iter().zip(weights);
     let votes = votes
         .filter_map(|(probabilities, &weight)| Some(Vote { weight, probabilities: probabilities.clone()? }));
     let probabilities = doubted(pooled(votes), doubt);
-    (!probabilities.is_empty()).then_some(probabilities)
+    if probabilities.is_empty() { vec![1.0 / n_places as f32; n_places] } else { probabilities }
 }
 
 /// The share of frames that show what was never seen: that under which the rooms that frames show are most probable, by
@@ -76,10 +81,7 @@ pub(super) fn fit_doubt(frames: &[Judged], weights: &[f64], n_places: usize) -> 
     if frames.is_empty() {
         return 0.0;
     }
-    let of_label = |frame: &Judged| {
-        let probabilities = answer(&frame.by_opinion, weights, 0.0);
-        probabilities.map_or(1.0 / n_places as f64, |probabilities| f64::from(probabilities[frame.label]))
-    };
+    let of_label = |frame: &Judged| f64::from(answer(&frame.by_opinion, weights, 0.0, n_places)[frame.label]);
     let of_labels: Vec<f64> = frames.iter().map(of_label).collect();
     let mut doubt = 0.5;
     for _ in 0..MAX_STEPS {

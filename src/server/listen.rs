@@ -164,8 +164,10 @@ impl Acceptor {
             .keep_alive(life == Life::UntilStop);
         let (app, stopped) = (self.app.clone(), self.stopped.clone());
         let (router, write_timeout) = (self.service.clone(), self.write_timeout);
+        let stop_pause = STOP_PAUSE.min(app.settings.drain_timeout() / 2);
         async move {
             let line = place.line().clone();
+            let mut paused = pin!(paused(stopped.clone(), stop_pause));
             let stream = match &app.tls {
                 None => Either::Left(stream),
                 Some(tls) => {
@@ -174,7 +176,7 @@ impl Acceptor {
                         () = line.gives_way() => {
                             return tracing::debug!(peer = %peer.0, "a handshake gave way to another connection");
                         }
-                        () = paused(stopped.clone()), if life == Life::UntilStop => return,
+                        () = paused.as_mut(), if life == Life::UntilStop => return,
                     };
                     match shaken {
                         Ok(stream) => Either::Right(stream),
@@ -190,7 +192,7 @@ impl Acceptor {
             let mut connection = pin!(http.serve_connection(stream, service).with_upgrades());
             let result = tokio::select! {
                 result = connection.as_mut() => result,
-                () = paused(stopped), if life == Life::UntilStop => {
+                () = paused, if life == Life::UntilStop => {
                     connection.as_mut().graceful_shutdown();
                     connection.await
                 }
@@ -239,10 +241,10 @@ fn service(
     })
 }
 
-/// Ready [`STOP_PAUSE`] after the service stops, or its `serve` is gone.
-async fn paused(mut stopped: watch::Receiver<bool>) {
+/// Ready so long after the service stops, or its `serve` is gone.
+async fn paused(mut stopped: watch::Receiver<bool>, pause: Duration) {
     let _ = stopped.wait_for(|stopped| *stopped).await;
-    tokio::time::sleep(STOP_PAUSE).await;
+    tokio::time::sleep(pause).await;
 }
 
 /// Ready when all connections are done, and the streams that some of them became.

@@ -68,7 +68,8 @@ class Service(RunningService, unittest.IsolatedAsyncioTestCase):
                 # What is not laid out row by row is sent row by row.
                 for frame in [pixels, image, pixels.T.copy().T]:
                     self.assertEqual(client.recognize(frame).probabilities, expected)
-            for wrong in [gray.astype(np.float32), color[:, :, :2], 3]:
+            palette = Image.fromarray(gray).convert("P")
+            for wrong in [gray.astype(np.float32), color[:, :, :2], 3, palette]:
                 with self.assertRaises(TypeError):
                     client.recognize(wrong)
 

@@ -20,10 +20,12 @@ const GOOD_RATE: f64 = 0.8;
 pub(super) struct Verdict {
     /// How often it would be right to name always the room that has most frames.
     pub guessing: f64,
-    /// Whether it is better than guessing by more than chance; none without held-out frames.
+    /// Whether it is better than guessing by more than chance; none where held-out frames cannot tell.
     pub is_better_than_guessing: Option<bool>,
     /// What "known" will mean.
     pub knowledge: Knowledge,
+    /// Whether any answer can be known.
+    pub knows: bool,
     /// Rooms that are taken for each other, the most often first.
     pub confused: Vec<Confused>,
     /// Rooms that are answered right least often, the worst first.
@@ -52,13 +54,16 @@ pub(super) struct WeakRoom {
 pub(super) type Taken<'a> = (&'a str, &'a str);
 
 impl Verdict {
-    /// Of held-out answers, among training frames that were taken so.
-    pub(super) fn of(evaluation: &Evaluation, knowledge: Knowledge, taken: &[Taken]) -> Self {
+    /// Of held-out answers, among training frames that were taken so; `knows` where the model can know any answer.
+    pub(super) fn of(evaluation: &Evaluation, knowledge: Knowledge, knows: bool, taken: &[Taken]) -> Self {
         let most = evaluation.by_place.iter().map(|place| place.n_frames).max().unwrap_or_default();
         let n_frames = evaluation.overall.n_frames;
         let guessing = most as f64 / n_frames.max(1) as f64;
         let deviation = (guessing * (1.0 - guessing) / n_frames.max(1) as f64).sqrt();
-        let is_better_than_guessing = evaluation.overall.rate.map(|rate| rate > guessing + 2.0 * deviation);
+        let beyond_chance = guessing + 2.0 * deviation;
+        // Where nearly all held-out frames are of one room, nothing could be better.
+        let is_better_than_guessing =
+            evaluation.overall.rate.filter(|_| beyond_chance < 1.0).map(|rate| rate > beyond_chance);
         let mut confused = Vec::new();
         let mut weak_rooms = Vec::new();
         for (shown_idx, shown) in evaluation.places.iter().enumerate() {
@@ -81,7 +86,7 @@ impl Verdict {
         let has_several = drives.values().flatten().collect::<BTreeSet<_>>().len() > 1;
         let of_one = drives.iter().filter(|(_, drives)| has_several && drives.len() == 1);
         let rooms_of_one_drive = of_one.map(|(room, _)| (*room).to_owned()).collect();
-        Self { guessing, is_better_than_guessing, knowledge, confused, weak_rooms, rooms_of_one_drive }
+        Self { guessing, is_better_than_guessing, knowledge, knows, confused, weak_rooms, rooms_of_one_drive }
     }
 
     /// Whether somebody should let the model serve.
@@ -89,13 +94,13 @@ impl Verdict {
         self.is_better_than_guessing != Some(false)
     }
 
-    /// Prints it in sentences.
-    pub(super) fn print(&self) -> io::Result<()> {
+    /// Prints it in sentences; `can_promise_less` where the promise is not kept with the model.
+    pub(super) fn print(&self, can_promise_less: bool) -> io::Result<()> {
         let Knowledge { known, right_known, .. } = &self.knowledge;
         if self.is_better_than_guessing.is_some() {
             say!("Naming always the room with most frames would be right on {:.4}.", self.guessing)?;
         }
-        if known.n_frames > 0 {
+        if self.knows {
             say!(
                 "Known: {} of the right answers; of the {} known answers {} are right.",
                 output::rate(right_known),
@@ -103,9 +108,9 @@ impl Verdict {
                 known.n_correct
             )?;
         } else {
+            let advice = if can_promise_less { ", or promise less (--precision 0.8)" } else { "" };
             say!(
-                "No answer will be known: too few held-out answers were right to promise anything. Take more frames, or \
-                 promise less (--precision 0.8)."
+                "No answer will be known: too few held-out answers were right to promise anything. Take more frames{advice}."
             )?;
         }
         if !self.confused.is_empty() {
@@ -140,7 +145,7 @@ mod tests {
     fn verdict(answers: &[(&str, &str)], taken: &[Taken]) -> Verdict {
         let answer = |&(place, answered)| Answer { place, answered, near_border: None };
         let evaluation = Evaluation::new(&answers.iter().map(answer).collect::<Vec<_>>());
-        Verdict::of(&evaluation, Knowledge::new(&[]), taken)
+        Verdict::of(&evaluation, Knowledge::new(&[]), true, taken)
     }
 
     #[test]
@@ -153,6 +158,7 @@ mod tests {
         let right = [("hall", "hall"), ("bath", "bath")].repeat(10);
         assert!(verdict(&right, &[]).is_worth_serving());
         assert_eq!(verdict(&[], &[]).is_better_than_guessing, None);
+        assert_eq!(verdict(&[("hall", "hall"); 20], &[]).is_better_than_guessing, None, "of one room only");
     }
 
     #[test]

@@ -110,6 +110,10 @@ impl Teller {
         if !is_kept {
             self.filter = None;
             self.rooms = served.model.places().to_vec();
+        } else if let Some(belief) = &mut self.filter
+            && !served.model.tells_new_places()
+        {
+            belief.filter.forget_elsewhere();
         }
         let changed = ModelChanged {
             from,
@@ -155,7 +159,7 @@ impl Teller {
         let place_idx = belief.filter.place_idx();
         let told = Filtered {
             room: model.places()[place_idx].clone(),
-            known: belief.filter.is_known(),
+            known: model.knows(&belief.filter),
             novelty: belief.filter.novelty(),
             probability: belief.filter.belief()[place_idx],
             probabilities: api::rooms(model.places(), belief.filter.belief(), settings.top),

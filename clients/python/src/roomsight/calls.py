@@ -68,6 +68,9 @@ def frame_bytes(frame: Frame) -> bytes:
 
 def _encoded(picture: Picture) -> bytes:
     """As a portable graymap or pixmap: nothing is lost, and nothing has to be compressed."""
+    mode = getattr(picture, "mode", None)
+    if mode not in (None, "L", "RGB"):
+        raise TypeError(f"a Pillow image is of mode L or RGB, not {mode}: give image.convert(\"RGB\")")
     shape, kind = picture.__array_interface__["shape"], picture.__array_interface__["typestr"]
     is_gray = len(shape) == 2
     if kind != "|u1" or not (is_gray or (len(shape) == 3 and shape[2] == 3)):
