@@ -1,4 +1,4 @@
-//! Labeled frames from disk: one reader a format behind [`open`].
+//! Labeled frames from disk: one reader a format behind [`open`]. Frames of the place [`ELSEWHERE`] show no room.
 //!
 //! | format | what lies there |
 //! |---|---|
@@ -29,6 +29,7 @@ pub use tree::Tree;
 
 use crate::camera::CameraKind;
 use crate::image::{Image, ImageError, Limits};
+use crate::model::ELSEWHERE;
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -50,7 +51,7 @@ pub struct Pose {
 pub struct Frame {
     /// The image file.
     pub path: PathBuf,
-    /// The room that it shows, never empty.
+    /// The room that it shows, never empty, or [`ELSEWHERE`].
     pub place: String,
     /// The drive that it comes from; empty when unknown.
     pub sequence: String,
@@ -65,6 +66,11 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// Whether it shows none of the rooms.
+    pub fn is_elsewhere(&self) -> bool {
+        self.place == ELSEWHERE
+    }
+
     /// Reads and decodes the image, its luma alone; its size is checked before a byte of it is read.
     pub fn read(&self, limits: &Limits) -> Result<Image, Problem> {
         Image::decode(&self.read_encoded(limits)?, limits).map_err(|error| self.undecoded(&error))
@@ -161,12 +167,28 @@ impl Dataset {
         self.notes.push(Problem::new(path, reason));
     }
 
+    /// The same with pictures that show none of the rooms, each a frame of [`ELSEWHERE`].
+    pub fn with_elsewhere(mut self, pictures: impl IntoIterator<Item = PathBuf>, camera: CameraKind) -> Self {
+        let frame = |path| Frame {
+            path,
+            place: ELSEWHERE.to_owned(),
+            sequence: String::new(),
+            camera,
+            split: String::new(),
+            time: None,
+            pose: None,
+        };
+        self.frames.extend(pictures.into_iter().map(frame));
+        self
+    }
+
     /// Brings the names of rooms, sequences and splits into one form; a frame whose room cannot be named is a
     /// problem. Which names of rooms became one is noted.
     fn settle_names(&mut self) {
         let mut spellings: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for mut frame in std::mem::take(&mut self.frames) {
             let place = names::settled(&frame.place);
+            let place = if place.eq_ignore_ascii_case(ELSEWHERE) { ELSEWHERE.to_owned() } else { place };
             frame.sequence = names::settled(&frame.sequence);
             frame.split = names::settled(&frame.split);
             let unnamed = |name: &&String| !name.is_empty();
@@ -191,7 +213,8 @@ impl Dataset {
 
     /// The rooms, sorted, each once.
     pub fn places(&self) -> Vec<String> {
-        let places: BTreeSet<&str> = self.frames.iter().map(|frame| frame.place.as_str()).collect();
+        let of_rooms = self.frames.iter().filter(|frame| !frame.is_elsewhere());
+        let places: BTreeSet<&str> = of_rooms.map(|frame| frame.place.as_str()).collect();
         places.into_iter().map(str::to_owned).collect()
     }
 
@@ -275,7 +298,8 @@ impl Dataset {
             let present = error::enumerate(&present);
             return Err(DatasetError::NoMatch { what, wanted: wanted.to_owned(), present });
         }
-        self.frames.retain(|frame| matches(name(frame)));
+        // Pictures of no room are of no drive and no split either, unless they say so.
+        self.frames.retain(|frame| matches(name(frame)) || (frame.is_elsewhere() && name(frame).is_empty()));
         Ok(self)
     }
 

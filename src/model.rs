@@ -31,6 +31,7 @@ mod pool;
 mod sight;
 mod train;
 mod trial;
+mod trials;
 
 pub use add::{AddError, Forgotten};
 pub use card::{Addition, Card, Measurement};
@@ -54,8 +55,9 @@ pub use opinion::{
     Size, Tries, VectorConfig,
 };
 pub use sight::{LocalFeatures, Seen, Sight};
-pub use train::{HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
+pub use train::{ELSEWHERE, HeldOut, Sample, TrainError, Training, TrainingStep};
 pub use trial::{Stage, TrialError, TriedModel, try_model};
+pub use trials::Trials;
 
 use crate::camera::Camera;
 use crate::filter::{Observation, RoomFilter, Transitions};
@@ -337,7 +339,7 @@ impl Model {
 
 impl Classification {
     fn classify(&self, config: &Config, features: &Features) -> Recognition {
-        let said: Vec<Option<Said>> = self.opinions.iter().map(|opinion| opinion.answer(features)).collect();
+        let said = self.said(features);
         let by_opinion = self.opinions.iter().zip(&said);
         let by_opinion: Vec<Option<Vec<f32>>> = by_opinion
             .map(|(opinion, said)| Some(opinion.calibration.probabilities(&said.as_ref()?.values)))
@@ -350,6 +352,11 @@ impl Classification {
         let signs = novelty::signs_of(config, &said, &by_opinion, &probabilities);
         let novelty = self.novelty.as_ref().map(|novelty| novelty.of(&signs));
         Recognition::new(probabilities, novelty, self.known, features)
+    }
+
+    /// What each opinion says of a frame.
+    fn said(&self, features: &Features) -> Vec<Option<Said>> {
+        self.opinions.iter().map(|opinion| opinion.answer(features)).collect()
     }
 
     /// What opinions keep to go on from, in all.

@@ -213,11 +213,12 @@ pub fn near_borders(dataset: &Dataset) -> Vec<Option<bool>> {
 }
 
 /// Counts answers to the described frames of a data set; border frames are told apart where the data set
-/// knows positions.
+/// knows positions. Frames of elsewhere are not among them: no answer to them is right.
 pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Evaluation {
     let near_border = near_borders(dataset);
     let answers: Vec<Answer> = answers
         .iter()
+        .filter(|answered| !described.samples[answered.sample_idx].is_elsewhere())
         .map(|answered| {
             let frame_idx = described.frame_idxs[answered.sample_idx];
             Answer {

@@ -44,6 +44,10 @@ pub(super) struct DataArgs {
     /// Take the frames of this split, such as train: a column of frames.csv, or a folder [default: all]
     #[arg(long)]
     split: Option<String>,
+    /// Pictures that show none of the rooms, also in folders below: they tell what new places look like. The same as a room
+    /// called elsewhere
+    #[arg(long, value_name = "FOLDER")]
+    elsewhere: Option<PathBuf>,
 }
 
 /// How large frames may be.
@@ -109,6 +113,10 @@ impl DataArgs {
         }
         if let Some(split) = &self.split {
             dataset = dataset.with_split(split)?;
+        }
+        if let Some(folder) = &self.elsewhere {
+            let camera = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
+            dataset = dataset.with_elsewhere(pictures_in(folder)?, camera);
         }
         Ok(dataset)
     }

@@ -95,7 +95,11 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     let report = Report {
         model: args.model.clone(),
         simulated: data::is_simulated(&args.data.data),
-        n_of_unknown_rooms: described.samples.iter().filter(|sample| !known.contains(&sample.place)).count(),
+        n_of_unknown_rooms: described
+            .samples
+            .iter()
+            .filter(|sample| !sample.is_elsewhere() && !known.contains(&sample.place))
+            .count(),
         unknown_rooms: dataset.places().into_iter().filter(|place| !known.contains(place)).collect(),
         evaluation: evaluate(&answers),
         knowledge: validate::knowledge(&described, &answers),

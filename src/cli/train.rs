@@ -138,8 +138,8 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let Trained { training: Training { model, held_out, .. }, dataset, described, .. } = &trained;
     let answers: Vec<Answered> = held_out.iter().map(|held_out| answered(model, held_out)).collect();
     let evaluation = validate::evaluate(dataset, described, &answers);
-    let taken: Vec<_> =
-        described.samples.iter().map(|sample| (sample.place.as_str(), sample.sequence.as_str())).collect();
+    let of_rooms = || described.samples.iter().filter(|sample| !sample.is_elsewhere());
+    let taken: Vec<_> = of_rooms().map(|sample| (sample.place.as_str(), sample.sequence.as_str())).collect();
     let knowledge = validate::knowledge(described, &answers);
     let verdict = Verdict::of(&evaluation, knowledge, model.known_probability().is_some(), &taken);
     args.gates_hold(&verdict, &evaluation)?;
@@ -166,7 +166,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     }
     let frames = if card.simulated { "simulated frames" } else { "frames" };
     let when = if args.add.is_some() { ", given before they were learned" } else { "" };
-    say!("Held-out answers to {} of {} {frames}{when}:\n", answers.len(), described.samples.len())?;
+    say!("Held-out answers to {} of {} {frames}{when}:\n", answers.len(), taken.len())?;
     for NotHeldOut { reason, n_frames, rooms } in &not_held_out {
         say!("  without one: {n_frames} {reason} ({})", rooms.join(", "))?;
     }
@@ -174,6 +174,10 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         say!()?;
     }
     output::print_evaluation(&evaluation)?;
+    let n_elsewhere = described.samples.len() - taken.len();
+    if n_elsewhere > 0 {
+        say!("Pictures of elsewhere that tell what is no room: {n_elsewhere}.")?;
+    }
     verdict.print(args.add.is_none())?;
     if let Some(choice) = &card.choice {
         say!("\n{}", choices(choice))?;
@@ -277,7 +281,7 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
         _ => "held-out sequences",
     };
     let card = Card {
-        n_frames: described.samples.len(),
+        n_frames: samples.iter().filter(|sample| !sample.is_elsewhere()).count(),
         sequences: sequences.into_iter().map(str::to_owned).collect(),
         choice: choice.filter(|choice| choice.tallies.len() > 1),
         ..Card::default()
@@ -312,7 +316,8 @@ fn with_progress(
 }
 
 fn sequences(dataset: &Dataset) -> BTreeSet<&str> {
-    dataset.frames.iter().map(|frame| frame.sequence.as_str()).collect()
+    let of_rooms = dataset.frames.iter().filter(|frame| !frame.is_elsewhere());
+    of_rooms.map(|frame| frame.sequence.as_str()).collect()
 }
 
 fn answered(model: &Model, held_out: &HeldOut) -> Answered {

@@ -126,7 +126,8 @@ impl Model {
         mut progress: impl FnMut(TrainingStep),
     ) -> Result<Training, AddError> {
         let mut sequences: Vec<(&str, Vec<usize>)> = Vec::new();
-        for (sample_idx, sample) in samples.iter().enumerate() {
+        let of_rooms = samples.iter().enumerate().filter(|(_, sample)| !sample.is_elsewhere());
+        for (sample_idx, sample) in of_rooms {
             match sequences.iter_mut().find(|(name, _)| *name == sample.sequence) {
                 Some((_, sample_idxs)) => sample_idxs.push(sample_idx),
                 None => sequences.push((&sample.sequence, vec![sample_idx])),
@@ -139,7 +140,25 @@ impl Model {
             training = Drive { samples, sample_idxs, forget }.learned_by(training)?;
         }
         progress(TrainingStep { n_done: sequences.len(), n_steps: sequences.len() });
-        Ok(training)
+        let elsewhere = samples.iter().copied().filter(|sample| sample.is_elsewhere());
+        let model = training.model.beside(elsewhere)?;
+        Ok(Training { model, ..training })
+    }
+
+    /// The same model, which answers are known judged by frames of elsewhere too.
+    fn beside<'a>(self, elsewhere: impl Iterator<Item = &'a Sample>) -> Result<Self, TrainError> {
+        let n_places = self.places.len();
+        let mut left_out = self.left_out.clone();
+        for (idx, sample) in elsewhere.enumerate() {
+            let said = self.classification.said(&sample.features);
+            if said.iter().any(Option::is_some) {
+                left_out.push(Decided { label: idx % n_places, said });
+            }
+        }
+        let left_out = left_out.thinned();
+        let opinions = self.classification.opinions.clone();
+        let classification = self.refitted(opinions, [&self.held_out, &left_out], n_places)?;
+        Ok(Self { classification, left_out, ..self })
     }
 
     /// Whether [`Model::add`] can go on from this model with frames of these sequences.
@@ -303,8 +322,7 @@ impl Drive<'_> {
         let answer = |&sample_idx: &usize| {
             let Sample { place, features, .. } = self.samples[sample_idx];
             let label = model.places.binary_search(place).ok()?;
-            let opinions = &model.classification.opinions;
-            let said: Vec<_> = opinions.iter().map(|opinion| opinion.answer(features)).collect();
+            let said = model.classification.said(features);
             said.iter().any(Option::is_some).then(|| {
                 let answer = HeldOut { sample_idx, recognition: model.classify(features) };
                 (answer, Decided { label, said })

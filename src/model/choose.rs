@@ -1,7 +1,7 @@
 //! Which opinions a model has, chosen by held-out frames among a few candidates.
 
 use super::held_out::TELLABLE;
-use super::{Config, HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
+use super::{Config, Sample, TrainError, Training, TrainingStep, Trials};
 use crate::camera::Camera;
 use serde::{Deserialize, Serialize};
 
@@ -161,17 +161,6 @@ fn is_clearly_better(candidate: &[bool], best: &[bool]) -> bool {
         |one: &[bool], other: &[bool]| one.iter().zip(other).filter(|(one, other)| **one && !**other).count();
     let (gained, lost) = (only(candidate, best), only(best, candidate));
     gained > lost && (gained - lost).pow(2) > gained + lost
-}
-
-impl Trials<'_> {
-    /// Whether each sample was answered, and with its room.
-    fn is_right(&self, held_out: &[HeldOut]) -> Vec<bool> {
-        let mut is_right = vec![false; self.n_samples()];
-        for answer in held_out {
-            is_right[answer.sample_idx] = self.shows(answer.sample_idx, answer.recognition.place_idx);
-        }
-        is_right
-    }
 }
 
 #[cfg(test)]

@@ -12,8 +12,8 @@ use std::collections::{BTreeMap, BTreeSet};
 /// The most groups that rooms are dealt into, of which one is left out at a time.
 const MAX_GROUPS: usize = 5;
 
-/// So many frames of left-out rooms are enough.
-const ENOUGH_FRAMES: usize = 300;
+/// So many frames of left-out rooms, or of elsewhere, are enough: more of the one would drown the other.
+pub(super) const ENOUGH_FRAMES: usize = 300;
 
 /// A training without one fold and without some rooms, which decides the frames of the fold: so those of trained rooms and
 /// those of others were decided alike.
@@ -39,7 +39,7 @@ pub(super) struct RoundFrame {
 pub(super) struct RoundDecision {
     pub(super) fold: usize,
     pub(super) decided: Decided,
-    /// Whether its room was left out.
+    /// Whether its room was left out, or it shows none.
     pub(super) is_new: bool,
 }
 
@@ -108,11 +108,12 @@ pub(super) fn judge(
         .iter()
         .map(|(fold, answer, is_new)| (*fold, Observed { signs: answer.signs.clone(), is_new: *is_new }))
         .collect();
-    if observed.is_empty() {
+    // Where no room was left out.
+    if observed.iter().all(|(_, observed)| observed.is_new) {
         let known = |(idx, answer): (&usize, &Answer)| {
             (folds[*idx], Observed { signs: answer.signs.clone(), is_new: false })
         };
-        observed = answers.iter().map(known).collect();
+        observed.extend(answers.iter().map(known));
     }
     let fit = |is_wanted: &dyn Fn(usize) -> bool| {
         let wanted = observed.iter().filter(|(fold, _)| is_wanted(*fold));

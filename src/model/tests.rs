@@ -379,6 +379,41 @@ fn weights_are_fitted_where_none_are_given() {
 }
 
 #[test]
+fn pictures_of_elsewhere_sharpen_novelty_and_are_never_a_room() {
+    let (config, camera) = (config(), Camera::new(Projection::Perspective));
+    // Two rooms, of which none can be left out, and others that are like the third.
+    let mut of_two = samples(&config, 96, 1);
+    of_two
+        .iter_mut()
+        .filter(|sample| sample.place == "dots")
+        .for_each(|sample| sample.place = ELSEWHERE.into());
+    let rooms: Vec<Sample> = of_two.iter().filter(|sample| !sample.is_elsewhere()).cloned().collect();
+    let beside = train(&of_two, &config, camera.clone()).unwrap();
+    let without = train(&rooms, &config, camera).unwrap();
+    assert_eq!(beside.model.places(), ["bars", "stripes"]);
+    assert_eq!(beside.model.left_out.iter().count(), 32);
+    let room_of = |answer: &HeldOut| of_two[answer.sample_idx].place.clone();
+    assert!(beside.held_out.iter().all(|answer| room_of(answer) != ELSEWHERE) && beside.held_out.len() == 64);
+    let novelty = |model: &Model, place_idx: usize| {
+        let mut random = ChaCha8Rng::seed_from_u64(5);
+        let answers =
+            (0..20).map(|_| model.recognize(&frame(place_idx, &mut random), &mut Scratch::default()));
+        answers.map(|answer| answer.novelty.unwrap() / 20.0).sum::<f32>()
+    };
+    let told_apart = |model: &Model| novelty(model, 2) - novelty(model, 0).max(novelty(model, 1));
+    assert!(told_apart(&beside.model) > told_apart(&without.model) + 0.05);
+    let mut random = ChaCha8Rng::seed_from_u64(6);
+    let image = frame(1, &mut random);
+    let [a, b] =
+        [&beside, &without].map(|training| training.model.recognize(&image, &mut Scratch::default()));
+    assert_eq!(a.probabilities, b.probabilities, "what is no room costs the rooms nothing");
+    // What is added counts too, and learns no room.
+    let elsewhere: Vec<&Sample> = of_two.iter().filter(|sample| sample.is_elsewhere()).collect();
+    let added = without.model.add(&elsewhere, 0.0, |_| ()).unwrap().model;
+    assert_eq!((added.places(), added.left_out.iter().count()), (without.model.places(), 32));
+}
+
+#[test]
 fn the_file_holds_everything() {
     let config = config();
     let mask = Mask::new(Image::from_pixels(3, 2, vec![255, 255, 0, 255, 255, 255]).unwrap());

@@ -48,6 +48,10 @@ pub(super) fn wrong_frames(
     let told = |answer: &Answered| {
         let sample = &described.samples[answer.sample_idx];
         let recognition = &answer.recognition;
+        if answer.is_new && !recognition.known {
+            // As it should be.
+            return None;
+        }
         let frame = WrongFrame {
             frame: dataset.frames[described.frame_idxs[answer.sample_idx]].path.clone(),
             room: sample.place.clone(),

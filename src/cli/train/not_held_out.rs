@@ -35,7 +35,10 @@ impl NotHeldOut {
             }
         };
         let mut by_reason: BTreeMap<&'static str, (usize, BTreeSet<&str>)> = BTreeMap::new();
-        for (_, sample) in samples.iter().enumerate().filter(|(idx, _)| !answered.contains(idx)) {
+        for (idx, sample) in samples.iter().enumerate() {
+            if answered.contains(&idx) || sample.is_elsewhere() {
+                continue;
+            }
             let (n_frames, rooms) = by_reason.entry(reason(sample)).or_default();
             *n_frames += 1;
             rooms.insert(&sample.place);
