@@ -3,6 +3,8 @@
 //! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line,
 //! 3 a gate of `replay` failed.
 
+mod check;
+mod contact_sheet;
 mod data;
 mod demo;
 mod evaluate;
@@ -51,6 +53,7 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     Demo(demo::DemoArgs),
+    Check(check::CheckArgs),
     Train(train::TrainArgs),
     Forget(forget::ForgetArgs),
     Evaluate(evaluate::EvaluateArgs),
@@ -97,6 +100,7 @@ fn look_beside_the_program() {
 fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Demo(args) => demo::run(&args),
+        Command::Check(args) => check::run(&args),
         Command::Train(args) => train::run(&args),
         Command::Forget(args) => forget::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),

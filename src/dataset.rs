@@ -17,6 +17,7 @@ mod error;
 mod files;
 mod folder;
 mod glob;
+mod look;
 mod manifest;
 mod names;
 #[cfg(test)]
@@ -25,6 +26,7 @@ mod tree;
 
 pub use describe::{Copied, Described};
 pub use error::{DatasetError, Problem, ProblemKind, by_kind};
+pub use look::{Look, near_pairs};
 pub use tree::Tree;
 
 use crate::camera::CameraKind;

@@ -59,6 +59,7 @@ pub mod dataset;
 pub mod evaluate;
 pub mod simulate;
 
+pub mod check;
 pub mod page;
 pub mod validate;
 

@@ -35,7 +35,10 @@ mod trials;
 
 pub use add::{AddError, Forgotten};
 pub use card::{Addition, Card, Measurement};
-pub use choose::{Candidate, Choice, LeftOut, Preferred, Tally, all_opinions, train_preferred};
+pub use choose::{
+    Candidate, Choice, HeldOutAnswers, LeftOut, Preferred, Tally, all_opinions, answer_held_out,
+    train_preferred,
+};
 pub use config::{BAG, CalibrationConfig, Config, PATTERNS, Sigmoids};
 pub use effort::{Effort, Means};
 pub use features::{Extractor, Features, Scratch};

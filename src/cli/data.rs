@@ -171,7 +171,7 @@ pub(super) fn pictures_in(folder: &Path) -> anyhow::Result<Vec<PathBuf>> {
     Ok(pictures)
 }
 
-fn read_encoded(path: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
+pub(super) fn read_encoded(path: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
     if path.is_dir() {
         bail!("{} is a folder, not an image", path.display());
     }
@@ -216,10 +216,19 @@ pub(super) fn describe(
     extractor: &Extractor,
     limits: &Limits,
 ) -> anyhow::Result<Described> {
-    let described = some(describe_all(dataset, extractor, limits), dataset)?;
+    let described = describe_quietly(dataset, extractor, limits)?;
     let copies: Vec<Problem> = described.copies(dataset).into_iter().map(|copied| copied.problem).collect();
     report("note", &copies);
     Ok(described)
+}
+
+/// The same, copies included and unnamed.
+pub(super) fn describe_quietly(
+    dataset: &Dataset,
+    extractor: &Extractor,
+    limits: &Limits,
+) -> anyhow::Result<Described> {
+    some(describe_all(dataset, extractor, limits), dataset)
 }
 
 /// The same for training, which leaves copies out: one that is trained makes the rate of one that is held out

@@ -1,11 +1,11 @@
 //! Frames to samples: each is read once, described, and its pixels dropped.
 
-use super::{Dataset, Problem};
+use super::{Dataset, Look, Problem, near_pairs};
 use crate::camera::Mirror;
 use crate::image::{Image, Limits};
 use crate::model::{Extractor, Sample, Scratch};
 use rayon::prelude::*;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap};
 
 /// Frames that the mirror is searched in.
 const N_MIRROR_FRAMES: usize = 40;
@@ -19,6 +19,8 @@ pub struct Described {
     pub frame_idxs: Vec<usize>,
     /// What tells the bytes of each sample's picture from others.
     digests: Vec<blake3::Hash>,
+    /// What each sample's picture looks like.
+    pub looks: Vec<Look>,
     /// The frames that could not be read.
     pub problems: Vec<Problem>,
     /// The frames of which only a part could be read.
@@ -29,6 +31,7 @@ pub struct Described {
 struct Read {
     sample: Sample,
     digest: blake3::Hash,
+    look: Look,
     is_damaged: bool,
 }
 
@@ -37,6 +40,8 @@ struct Read {
 pub struct Copied {
     /// Which sample.
     pub sample_idx: usize,
+    /// The sample that it is a copy of, of these or of those that trained.
+    pub of_idx: usize,
     /// Its picture, and what it is a copy of.
     pub problem: Problem,
 }
@@ -50,7 +55,8 @@ impl Dataset {
                 let features = extractor.extract(&image, scratch);
                 let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
                 let sample = Sample { place, sequence, name: self.name_of(frame), features };
-                Ok(Read { sample, digest: blake3::hash(&bytes), is_damaged: image.damaged_rows() > 0 })
+                let (digest, look) = (blake3::hash(&bytes), Look::of(&image));
+                Ok(Read { sample, digest, look, is_damaged: image.damaged_rows() > 0 })
             });
             on_frame();
             described
@@ -63,6 +69,7 @@ impl Dataset {
                 Ok(read) => {
                     described.samples.push(read.sample);
                     described.digests.push(read.digest);
+                    described.looks.push(read.look);
                     described.frame_idxs.push(frame_idx);
                     if read.is_damaged {
                         let reason = "rows of it are damaged or missing: the others are taken";
@@ -102,7 +109,7 @@ impl Described {
         let path = |sample_idx: usize| &dataset.frames[self.frame_idxs[sample_idx]].path;
         let copied = |sample_idx: usize, other_idx: usize, reason: &str| {
             let problem = Problem::new(path(sample_idx), reason).with(path(other_idx).display().to_string());
-            Copied { sample_idx, problem }
+            Copied { sample_idx, of_idx: other_idx, problem }
         };
         let mut copies = Vec::new();
         for same in same.into_values() {
@@ -121,25 +128,43 @@ impl Described {
         copies
     }
 
-    /// What training takes: no picture twice, so that none is on both sides of a fold. Copies become problems.
+    /// Where there are no drives: the samples whose pictures are nearly those of others of their room, all but the first.
+    fn near_copies(&self, dataset: &Dataset) -> Vec<Copied> {
+        let is_lone = |idx: usize| self.samples[idx].sequence.is_empty();
+        let mut copies: BTreeMap<usize, Copied> = BTreeMap::new();
+        for [of_idx, sample_idx] in near_pairs(&self.looks.iter().collect::<Vec<_>>()) {
+            let is_same_room = self.samples[of_idx].place == self.samples[sample_idx].place;
+            if is_lone(of_idx) && is_lone(sample_idx) && is_same_room && !copies.contains_key(&of_idx) {
+                let path = |idx: usize| &dataset.frames[self.frame_idxs[idx]].path;
+                let reason = "nearly another picture of its room";
+                let problem = Problem::new(path(sample_idx), reason).with(path(of_idx).display().to_string());
+                copies.entry(sample_idx).or_insert(Copied { sample_idx, of_idx, problem });
+            }
+        }
+        copies.into_values().collect()
+    }
+
+    /// What training takes: no picture twice, nor nearly, so that none is on both sides of a fold. Copies become problems.
     pub fn without_copies(self, dataset: &Dataset) -> Self {
         let copies = self.copies(dataset);
-        self.without(copies)
+        let others = self.without(copies);
+        let near_copies = others.near_copies(dataset);
+        others.without(near_copies)
     }
 
     /// What can be measured with a model that was trained on `trained`: other pictures. Those that trained, be
     /// it as another file, become problems.
     pub fn without_trained(self, dataset: &Dataset, trained: &Self) -> Self {
-        let trained: HashSet<&[u8]> =
-            trained.digests.iter().map(|digest| digest.as_bytes().as_slice()).collect();
-        let has_trained =
-            |sample_idx: &usize| trained.contains(self.digests[*sample_idx].as_bytes().as_slice());
+        let digests = trained.digests.iter().enumerate();
+        let trained: HashMap<&[u8], usize> =
+            digests.map(|(idx, digest)| (digest.as_bytes().as_slice(), idx)).collect();
         let copied = |sample_idx: usize| {
+            let of_idx = *trained.get(self.digests[sample_idx].as_bytes().as_slice())?;
             let path = &dataset.frames[self.frame_idxs[sample_idx]].path;
             let reason = "the same picture, byte for byte, is among those that train: not answered";
-            Copied { sample_idx, problem: Problem::new(path, reason) }
+            Some(Copied { sample_idx, of_idx, problem: Problem::new(path, reason) })
         };
-        let copies = (0..self.samples.len()).filter(has_trained).map(copied).collect();
+        let copies = (0..self.samples.len()).filter_map(copied).collect();
         self.without(copies)
     }
 
@@ -150,6 +175,7 @@ impl Described {
         keep(&mut self.samples, &keeps);
         keep(&mut self.frame_idxs, &keeps);
         keep(&mut self.digests, &keeps);
+        keep(&mut self.looks, &keeps);
         self.problems.extend(left_out.into_iter().map(|copied| copied.problem));
         self
     }

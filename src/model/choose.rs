@@ -1,7 +1,7 @@
 //! Which opinions a model has, chosen by held-out frames among a few candidates.
 
 use super::held_out::TELLABLE;
-use super::{Config, Sample, TrainError, Training, TrainingStep, Trials};
+use super::{Config, HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
 use crate::camera::Camera;
 use serde::{Deserialize, Serialize};
 
@@ -84,6 +84,52 @@ pub fn train_preferred(
     camera: &Camera,
     mut progress: impl FnMut(TrainingStep),
 ) -> Result<Preferred, TrainError> {
+    prefer(samples, candidates, &mut progress, |mut tried, progress| {
+        let training = tried.trials.finish(tried.config, camera.clone(), progress)?;
+        Ok(Preferred { training, choice: tried.choice, left_out: tried.left_out })
+    })
+}
+
+/// What models of the preferred candidate, which were trained without a frame, say of it.
+#[derive(Debug)]
+pub struct HeldOutAnswers {
+    /// The rooms, sorted.
+    pub places: Vec<String>,
+    /// The answers, none of which is known.
+    pub held_out: Vec<HeldOut>,
+}
+
+/// Answers frames as [`train_preferred`] does on its way to a model, without making one.
+///
+/// # Errors
+/// Those of [`Trials::run`].
+pub fn answer_held_out(
+    samples: &[&Sample],
+    candidates: &[Candidate],
+    mut progress: impl FnMut(TrainingStep),
+) -> Result<HeldOutAnswers, TrainError> {
+    prefer(samples, candidates, &mut progress, |tried, _| {
+        let held_out = tried.trials.held_out(tried.config)?;
+        Ok(HeldOutAnswers { places: tried.trials.places().to_vec(), held_out })
+    })
+}
+
+/// All candidates, once they were tried.
+struct TriedCandidates<'t, 's> {
+    trials: Trials<'s>,
+    /// Of the one that was chosen.
+    config: &'t Config,
+    choice: Choice,
+    left_out: Vec<LeftOut>,
+}
+
+/// Tries candidates, chooses one, and goes on with it.
+fn prefer<T>(
+    samples: &[&Sample],
+    candidates: &[Candidate],
+    mut progress: &mut dyn FnMut(TrainingStep),
+    go_on: impl FnOnce(TriedCandidates, &mut dyn FnMut(TrainingStep)) -> Result<T, TrainError>,
+) -> Result<T, TrainError> {
     let mut left_out: Vec<LeftOut> = Vec::new();
     loop {
         let candidates = without(candidates, &left_out);
@@ -92,10 +138,10 @@ pub fn train_preferred(
             return Err(left_out.pop().map_or_else(none, |last| last.reason));
         };
         match Trials::run(samples, &config, &mut progress) {
-            Ok(mut trials) => {
+            Ok(trials) => {
                 let choice = choose(&trials, &candidates)?;
-                let training = trials.finish(&candidates[choice.chosen].config, camera.clone(), progress)?;
-                return Ok(Preferred { training, choice, left_out });
+                let config = &candidates[choice.chosen].config;
+                return go_on(TriedCandidates { trials, config, choice, left_out }, progress);
             }
             Err(TrainError::Opinion { name, error }) if candidates.len() > 1 => {
                 left_out.push(LeftOut { opinion: name, reason: *error });

@@ -1,0 +1,136 @@
+//! Contact sheets: small pictures with what is said of them, as an HTML page in one file.
+
+use super::data;
+use crate::image::{Image, Limits};
+use crate::page::{escape, page};
+use anyhow::Context;
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+use image::codecs::jpeg::JpegEncoder;
+use image::{RgbImage, imageops};
+use rayon::prelude::*;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// The longest side of a small picture, in pixels.
+const SIDE: u32 = 220;
+
+/// The quality of small pictures, from 1 to 100.
+const QUALITY: u8 = 80;
+
+/// The most pictures of a section that are shown.
+const MAX_CARDS: usize = 200;
+
+/// Pictures with something in common.
+pub(super) struct Section {
+    /// What that is.
+    pub heading: String,
+    /// In order.
+    pub cards: Vec<Card>,
+}
+
+/// A picture, and what is said of it.
+pub(super) struct Card {
+    pub picture: PathBuf,
+    /// Lines below it.
+    pub lines: Vec<String>,
+    /// Other pictures, such as the one that it is a copy of, each with a line.
+    pub beside: Vec<(PathBuf, String)>,
+}
+
+/// Writes a sheet to a new file or over an old one. A picture that cannot be read is an empty place.
+pub(super) fn write(path: &Path, title: &str, sections: &[Section], limits: &Limits) -> anyhow::Result<()> {
+    fs::write(path, html(title, sections, limits)).with_context(|| path.display().to_string())?;
+    eprintln!("written: {}", path.display());
+    Ok(())
+}
+
+fn html(title: &str, sections: &[Section], limits: &Limits) -> String {
+    let mut body = format!("<h1>{}</h1>\n{STYLE}", escape(title));
+    for Section { heading, cards } in sections.iter().filter(|section| !section.cards.is_empty()) {
+        let shown = &cards[..cards.len().min(MAX_CARDS)];
+        let figures: Vec<String> = shown.par_iter().map(|card| figure(card, limits)).collect();
+        body += &format!("<section><h2>{} ({})</h2>\n<div class=\"sheet\">\n", escape(heading), cards.len());
+        body += &figures.concat();
+        body += "</div>\n";
+        if shown.len() < cards.len() {
+            body += &format!("<p>{} more are not shown.</p>\n", cards.len() - shown.len());
+        }
+        body += "</section>\n";
+    }
+    page(title, &body)
+}
+
+fn figure(Card { picture, lines, beside }: &Card, limits: &Limits) -> String {
+    let mut html = format!("<figure>{}<figcaption>", small(picture, limits));
+    for line in lines {
+        html += &format!("<div>{}</div>", escape(line));
+    }
+    html += "</figcaption>";
+    for (other, line) in beside {
+        html += &format!("<div class=\"beside\">{}<div>{}</div></div>", small(other, limits), escape(line));
+    }
+    html + "</figure>\n"
+}
+
+/// The picture as a part of the page, named by its path.
+fn small(picture: &Path, limits: &Limits) -> String {
+    let name = escape(&picture.display().to_string());
+    match encoded(picture, limits) {
+        Ok(bytes) => {
+            let data = BASE64_STANDARD.encode(bytes);
+            format!("<img alt=\"{name}\" title=\"{name}\" src=\"data:image/jpeg;base64,{data}\">")
+        }
+        Err(_) => format!("<i title=\"{name}\">not to be seen: {name}</i>"),
+    }
+}
+
+fn encoded(picture: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
+    let image = Image::decode_with_colors(&data::read_encoded(picture, limits)?, limits)?;
+    let [width, height] = [image.width() as u32, image.height() as u32];
+    let gray = || image.pixels().iter().flat_map(|&pixel| [pixel; 3]).collect();
+    let colors = image.colors().map_or_else(gray, <[u8]>::to_vec);
+    let full = RgbImage::from_raw(width, height, colors).context("its colors are not those of its pixels")?;
+    let scale = f64::from(SIDE) / f64::from(width.max(height));
+    let side = |side: u32| ((f64::from(side) * scale).round() as u32).max(1);
+    let small = if scale < 1.0 { imageops::thumbnail(&full, side(width), side(height)) } else { full };
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, QUALITY).encode_image(&small)?;
+    Ok(bytes)
+}
+
+const STYLE: &str = "<style>
+body { max-width: 100rem; }
+.sheet { display: flex; flex-wrap: wrap; gap: 1rem; align-items: flex-start; }
+figure { margin: 0; padding: .5rem; border: 1px solid var(--line); border-radius: .4rem; max-width: 460px; }
+figure > img { display: block; max-width: 100%; } figcaption { font-size: 13px; max-width: 220px; overflow-wrap: anywhere; }
+.beside { display: inline-block; vertical-align: top; font-size: 12px; color: var(--soft); margin: .5rem .5rem 0 0; max-width: 120px;
+  overflow-wrap: anywhere; }
+.beside img { max-width: 120px; display: block; }
+</style>
+";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use image::GrayImage;
+
+    #[test]
+    fn pictures_are_in_the_page_and_names_cannot_become_markup() {
+        let folder = tempfile::tempdir().unwrap();
+        let picture = folder.path().join("<b>.png");
+        GrayImage::from_fn(640, 480, |x, y| image::Luma([(x + y) as u8])).save(&picture).unwrap();
+        let missing = folder.path().join("gone.png");
+        let card = Card {
+            picture,
+            lines: vec!["shows <hall>".to_owned()],
+            beside: vec![(missing, "a & b".to_owned())],
+        };
+        let section = Section { heading: "Wrong".to_owned(), cards: vec![card] };
+        let empty = Section { heading: "Empty".to_owned(), cards: Vec::new() };
+        let html = html("Sheet", &[section, empty], &Limits::default());
+        assert!(html.contains("shows &lt;hall&gt;") && html.contains("a &amp; b") && !html.contains("<b>"));
+        assert!(html.contains("src=\"data:image/jpeg;base64,") && html.contains("not to be seen: "));
+        assert!(html.contains("Wrong (1)") && !html.contains("Empty") && html.len() < 20_000);
+    }
+}
