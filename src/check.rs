@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 /// Pictures are blurred that are less sharp than this share of the middle one of the set.
-const BLURRED: f32 = 0.4;
+const BLURRED: f32 = 0.3;
 
 /// Panoramas are twice as wide as high; so much more or less may be cut off.
 const PANORAMA: std::ops::Range<f64> = 1.9..2.1;

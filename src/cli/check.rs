@@ -11,7 +11,7 @@ use clap::Args;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The most pictures of a kind that are printed; `--json` has all.
 const MAX_PRINTED: usize = 12;
@@ -113,19 +113,14 @@ fn by_oddity(findings: &[Finding]) -> impl Iterator<Item = (Oddity, Vec<&Finding
 fn sections(dataset: &Dataset, findings: &[Finding]) -> Vec<Section> {
     let card = |finding: &&Finding| Card {
         picture: finding.picture.clone(),
-        lines: vec![short(dataset, &finding.picture), finding.room.clone(), finding.detail.clone()],
-        beside: finding.other.iter().map(|other| (other.clone(), short(dataset, other))).collect(),
+        lines: vec![dataset.name_of(&finding.picture), finding.room.clone(), finding.detail.clone()],
+        beside: finding.other.iter().map(|other| (other.clone(), dataset.name_of(other))).collect(),
     };
     let section = |(oddity, of_kind): (Oddity, Vec<&Finding>)| Section {
         heading: oddity.heading().to_owned(),
         cards: of_kind.iter().map(card).collect(),
     };
     by_oddity(findings).map(section).collect()
-}
-
-/// A picture's path within the data set.
-fn short(dataset: &Dataset, picture: &Path) -> String {
-    picture.strip_prefix(&dataset.root).unwrap_or(picture).display().to_string()
 }
 
 fn print(dataset: &Dataset, report: &Report) -> io::Result<()> {
@@ -137,12 +132,12 @@ fn print(dataset: &Dataset, report: &Report) -> io::Result<()> {
     for (oddity, of_kind) in by_oddity(&report.findings) {
         say!("\n{}: {}", oddity.heading(), of_kind.len())?;
         for finding in of_kind.iter().take(MAX_PRINTED) {
-            let mut line = format!("  {}", short(dataset, &finding.picture));
+            let mut line = format!("  {}", dataset.name_of(&finding.picture));
             if !finding.detail.is_empty() {
                 line += &format!(": {}", finding.detail);
             }
             if let Some(other) = &finding.other {
-                line += &format!(" (as {})", short(dataset, other));
+                line += &format!(" (as {})", dataset.name_of(other));
             }
             say!("{line}")?;
         }

@@ -3,6 +3,7 @@
 mod stream;
 mod wrong;
 
+use super::contact_sheet;
 use super::data::{self, DataArgs, LimitArgs};
 use super::output::{self, say};
 use crate::dataset::Described;
@@ -42,6 +43,9 @@ pub(super) struct EvaluateArgs {
     /// frames that spoke for it
     #[arg(long)]
     wrong: bool,
+    /// With --wrong: also write a page that shows these frames
+    #[arg(long, value_name = "FILE", requires = "wrong")]
+    html: Option<PathBuf>,
     /// Print the rates as JSON
     #[arg(long)]
     json: bool,
@@ -107,6 +111,11 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         streams,
         wrong: args.wrong.then(|| wrong::wrong_frames(&model, (&dataset, &described), &answers)),
     };
+    if let (Some(path), Some(frames)) = (&args.html, &report.wrong) {
+        let title = format!("{} by {}", args.data.data.display(), args.model.display());
+        let sections = wrong::sections(&dataset, frames);
+        contact_sheet::write(path, &title, &sections, &args.limits.limits())?;
+    }
     if args.json {
         say!("{}", serde_json::to_string_pretty(&report)?)?;
     } else {

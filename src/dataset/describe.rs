@@ -6,6 +6,7 @@ use crate::image::{Image, Limits};
 use crate::model::{Extractor, Sample, Scratch};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
+use std::path::Path;
 
 /// Frames that the mirror is searched in.
 const N_MIRROR_FRAMES: usize = 40;
@@ -54,7 +55,7 @@ impl Dataset {
                 let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
                 let features = extractor.extract(&image, scratch);
                 let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
-                let sample = Sample { place, sequence, name: self.name_of(frame), features };
+                let sample = Sample { place, sequence, name: self.name_of(&frame.path), features };
                 let (digest, look) = (blake3::hash(&bytes), Look::of(&image));
                 Ok(Read { sample, digest, look, is_damaged: image.damaged_rows() > 0 })
             });
@@ -82,9 +83,14 @@ impl Dataset {
         described
     }
 
-    /// What a frame is called: its path within the data set.
-    fn name_of(&self, frame: &super::Frame) -> String {
-        frame.path.strip_prefix(&self.root).unwrap_or(&frame.path).display().to_string()
+    /// The folder of the data set, which may be known by a list in it.
+    pub fn folder(&self) -> &Path {
+        if self.root.is_dir() { &self.root } else { self.root.parent().unwrap_or(&self.root) }
+    }
+
+    /// What a picture is called: its path within the data set.
+    pub fn name_of(&self, picture: &Path) -> String {
+        picture.strip_prefix(self.folder()).unwrap_or(picture).display().to_string()
     }
 
     /// Finds the mirror of the camera in frames spread evenly over the data set. Frames that cannot be read

@@ -55,7 +55,10 @@ fn what_is_not_odd_is_not_named_and_one_room_has_no_doubtful_labels() {
     let folder = TempDir::new().unwrap();
     write_rooms(&folder.path().join("rooms"));
     let told = done(&["check", &path(&folder, "rooms"), "--networks", "none", "--pictures-only"]);
-    assert!(told.contains("36 frames of 3 rooms") && !told.contains("opies") && !told.contains("Nearly"), "{told}");
+    assert!(
+        told.contains("36 frames of 3 rooms") && !told.contains("opies") && !told.contains("Nearly"),
+        "{told}"
+    );
     for room in ["bars", "dots"] {
         fs::remove_dir_all(folder.path().join("rooms").join(room)).unwrap();
     }

@@ -187,6 +187,34 @@ fn rooms_that_a_model_does_not_know_are_named() {
 }
 
 #[test]
+fn frames_of_elsewhere_are_not_of_a_room_and_wrong_ones_are_shown() {
+    let folder = rooms(|rooms| {
+        fs::rename(rooms.join("dots"), rooms.join("Elsewhere")).unwrap();
+        fs::rename(rooms.join("bars/3.png"), rooms.join("stripes/wrong.png")).unwrap();
+    });
+    let (data, page) = (path(&folder, "rooms"), path(&folder, "wrong.html"));
+    let evaluate = ["evaluate", "--json", "--wrong", "--html", &page, &LAB.model(), &data];
+    let report = json(&evaluate);
+    assert_eq!(report["evaluation"]["overall"]["n_frames"], 24, "{report}");
+    assert_eq!(report["knowledge"]["new_unknown"]["n_frames"], 12, "{report}");
+    assert_eq!(report["n_of_unknown_rooms"], 0, "{report}");
+    let html = fs::read_to_string(&page).unwrap();
+    assert!(html.contains("stripes/wrong.png") && html.contains("answered bars"), "{html:.300}");
+
+    let model = path(&folder, "model");
+    let others = path(&folder, "others");
+    fs::create_dir_all(path(&folder, "others/below")).unwrap();
+    for shift in 0..5 {
+        frame("bars", 3 + 7 * shift).save(path(&folder, &format!("others/below/{shift}.png"))).unwrap();
+    }
+    let quick = [&QUICK[..], &["--elsewhere", &others, "-o", &model]].concat();
+    let error = refused(FAILED, &[&["train", &path(&folder, "rooms/bars")], &quick[..]].concat());
+    assert!(error.contains("not a data set"), "{error}");
+    let told = done(&[&["train", &LAB.data()], &quick[..]].concat());
+    assert!(told.contains("Pictures of elsewhere that tell what is no room: 5"), "{told}");
+}
+
+#[test]
 fn data_that_nothing_can_be_learned_from_is_refused_with_a_reason() {
     let folder = TempDir::new().unwrap();
     for room in [

@@ -1,5 +1,6 @@
 //! Which frames were answered wrong, and which training frames are to blame.
 
+use crate::cli::contact_sheet::{Card, Section};
 use crate::cli::output::{self, say};
 use crate::dataset::{Dataset, Described};
 use crate::model::{Features, Model, Unknown};
@@ -48,7 +49,7 @@ pub(super) fn wrong_frames(
     let told = |answer: &Answered| {
         let sample = &described.samples[answer.sample_idx];
         let recognition = &answer.recognition;
-        if answer.is_new && !recognition.known {
+        if sample.is_elsewhere() && !recognition.known {
             // As it should be.
             return None;
         }
@@ -75,6 +76,28 @@ pub(super) fn wrong_frames(
         by_kind.then(if a.is_wrong() { by_probability } else { by_probability.reverse() })
     });
     frames
+}
+
+/// The frames as parts of a contact sheet. The training frames to blame are shown where they lie in the same data set.
+pub(super) fn sections(dataset: &Dataset, frames: &[WrongFrame]) -> Vec<Section> {
+    let card = |frame: &WrongFrame| {
+        let known = frame.unknown.map_or("known".to_owned(), |why| format!("unknown: {why}"));
+        let said = format!("answered {} ({:.2}), {known}", frame.answered, frame.probability);
+        let blamed = frame.because_of.iter().map(|name| (dataset.folder().join(name), name.clone()));
+        let (at_hand, elsewhere): (Vec<_>, Vec<_>) = blamed.partition(|(path, _)| path.is_file());
+        let elsewhere = elsewhere.into_iter().map(|(_, name)| format!("because of {name}"));
+        let shown = [dataset.name_of(&frame.frame), format!("shows {}", frame.room), said];
+        Card {
+            picture: frame.frame.clone(),
+            lines: shown.into_iter().chain(elsewhere).collect(),
+            beside: at_hand,
+        }
+    };
+    let section = |heading: &str, is_wrong| Section {
+        heading: heading.to_owned(),
+        cards: frames.iter().filter(|frame| frame.is_wrong() == is_wrong).map(card).collect(),
+    };
+    vec![section("Answered wrong, the surest first", true), section("Right but unknown", false)]
 }
 
 /// The training frames whose features spoke most for a room.
