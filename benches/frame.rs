@@ -131,6 +131,7 @@ fn train_model(drive: &Drive, features: Vec<Features>, config: &Config) -> Model
         place: place.clone(),
         sequence: String::new(),
         name: String::new(),
+        pose: None,
         features,
     };
     let samples: Vec<Sample> = features.into_iter().zip(&drive.places).map(sample).collect();

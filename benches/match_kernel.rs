@@ -70,6 +70,7 @@ fn described(config: &Config) -> (Vec<Sample>, Camera) {
         place: simulation.place(frame_idx).to_owned(),
         sequence: "drive".to_owned(),
         name: String::new(),
+        pose: None,
         features: extractor.extract(image, scratch),
     };
     (images.par_iter().enumerate().map_init(Scratch::default, sample).collect(), camera)

@@ -32,21 +32,11 @@ pub use tree::Tree;
 use crate::camera::CameraKind;
 use crate::image::{Image, ImageError, Limits};
 use crate::model::ELSEWHERE;
+pub use crate::model::Pose;
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
-
-/// Where the robot stood, in the coordinates of its sequence.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
-    /// Meters.
-    pub x: f64,
-    /// Meters.
-    pub y: f64,
-    /// Heading in radians, counterclockwise from the x axis.
-    pub angle: f64,
-}
 
 /// One labeled frame on disk.
 #[derive(Clone, Debug, PartialEq)]

@@ -5,9 +5,11 @@
 
 mod changes;
 mod knowledge;
+mod poses;
 
 pub use changes::{Changes, Lateness, N_HELD, StreamAnswer};
 pub use knowledge::{Bin, Knowledge, N_BINS, Trusted};
+pub use poses::PoseErrors;
 
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};

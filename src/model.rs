@@ -24,10 +24,12 @@ mod learned;
 mod left_out;
 mod lens;
 mod logit;
+mod nearest;
 mod networks;
 mod novelty;
 mod opinion;
 mod pool;
+mod pose;
 mod sight;
 mod train;
 mod trial;
@@ -50,6 +52,7 @@ pub use folder::{
 pub use format::{FORMAT_VERSION, FormatError};
 pub use golden::{GOLDEN_FOLDER, GoldenFrame};
 pub use lens::{DEFAULT_NETWORK, Lens};
+pub use nearest::NearFrame;
 pub use networks::{
     CarriedNetwork, Digest, MAX_NETWORK_BYTES, NETWORKS_FOLDER, NetworkEntry, NetworkStore, Networks,
 };
@@ -57,6 +60,7 @@ pub use opinion::{
     Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
     Size, Tries, VectorConfig,
 };
+pub use pose::{Pose, PoseEstimate};
 pub use sight::{LocalFeatures, Seen, Sight};
 pub use train::{ELSEWHERE, HeldOut, Sample, TrainError, Training, TrainingStep};
 pub use trial::{Stage, TrialError, TriedModel, try_model};

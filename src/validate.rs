@@ -9,13 +9,16 @@ pub use teams::{Method, Team, Trained, teams};
 
 use crate::camera::Camera;
 use crate::dataset::{Dataset, Described};
-use crate::evaluate::{self, Answer, Changes, Evaluation, Knowledge, Sighting, StreamAnswer, Trusted};
+use crate::evaluate::{
+    self, Answer, Changes, Evaluation, Knowledge, PoseErrors, Sighting, StreamAnswer, Trusted,
+};
 use crate::filter::{RoomFilter, Trust};
 use crate::folds::folds;
 use crate::model::{Choice, Config, Model, Recognition, Sample, TrainError, Unknown};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What is trained on and what is measured.
@@ -231,6 +234,16 @@ pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) 
     Evaluation::new(&answers)
 }
 
+/// How far off the poses are that a model estimates of described frames; `None` where none is known.
+pub fn poses(model: &Model, (dataset, described): (&Dataset, &Described)) -> Option<PoseErrors> {
+    let estimated = |(sample, &frame_idx): (&Sample, &usize)| {
+        let pose = dataset.frames[frame_idx].pose?;
+        Some((model.pose(&sample.features)?, pose))
+    };
+    let samples = described.samples.par_iter().zip(&described.frame_idxs);
+    PoseErrors::new(&samples.filter_map(estimated).collect::<Vec<_>>())
+}
+
 /// What "known" is worth in answers to described frames.
 pub fn knowledge<'a>(described: &Described, answers: impl IntoIterator<Item = &'a Answered>) -> Knowledge {
     let trusted = |answered: &Answered| Trusted {
@@ -251,7 +264,13 @@ mod tests {
 
     fn sample(place: &str, sequence: &str) -> Sample {
         let features = Features { sights: Arc::default(), seen: Vec::new(), scale: 1.0, flaw: None };
-        Sample { place: place.to_owned(), sequence: sequence.to_owned(), name: String::new(), features }
+        Sample {
+            place: place.to_owned(),
+            sequence: sequence.to_owned(),
+            name: String::new(),
+            pose: None,
+            features,
+        }
     }
 
     #[test]

@@ -104,6 +104,7 @@ fn train(config: &Config) -> Model {
             place: format!("room {}", idx % 3),
             sequence: format!("drive {}", idx % 2),
             name: format!("{idx}.jpg"),
+            pose: None,
             features,
         }
     };

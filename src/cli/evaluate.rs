@@ -7,7 +7,7 @@ use super::contact_sheet;
 use super::data::{self, DataArgs, LimitArgs};
 use super::output::{self, say};
 use crate::dataset::Described;
-use crate::evaluate::{Evaluation, Knowledge};
+use crate::evaluate::{Evaluation, Knowledge, PoseErrors};
 use crate::filter::Trust;
 use crate::model::Extractor;
 use crate::validate::{self, Answered};
@@ -63,6 +63,9 @@ struct Report {
     evaluation: Evaluation,
     /// What "known" is worth.
     knowledge: Knowledge,
+    /// How far off estimated poses are, of models and frames that have some.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    poses: Option<PoseErrors>,
     /// The same rates for each sequence, by name.
     by_sequence: BTreeMap<String, Evaluation>,
     /// With `--filter`: each frame by itself, then each trust.
@@ -107,6 +110,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         unknown_rooms: dataset.places().into_iter().filter(|place| !known.contains(place)).collect(),
         evaluation: evaluate(&answers),
         knowledge: validate::knowledge(&described, &answers),
+        poses: validate::poses(&model, (&dataset, &described)),
         by_sequence: by_sequence.map(|(name, answers)| (name, evaluate(&answers))).collect(),
         streams,
         wrong: args.wrong.then(|| wrong::wrong_frames(&model, (&dataset, &described), &answers)),
@@ -152,6 +156,12 @@ fn print(report: &Report) -> io::Result<()> {
     }
     output::print_evaluation(&report.evaluation)?;
     output::print_knowledge(&report.knowledge)?;
+    if let Some(PoseErrors { n_frames, median, percentile_90, median_heading, .. }) = &report.poses {
+        say!(
+            "Poses of {n_frames} frames: off by {median:.2} m (middle), {percentile_90:.2} m (nine of ten), \
+             {median_heading:.0} degrees (middle)."
+        )?;
+    }
     if report.n_of_unknown_rooms > 0 {
         let (n_frames, rooms) = (report.n_of_unknown_rooms, report.unknown_rooms.join(", "));
         say!("\nFrames of rooms that the model does not know: {n_frames} ({rooms})")?;

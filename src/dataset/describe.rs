@@ -55,7 +55,8 @@ impl Dataset {
                 let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
                 let features = extractor.extract(&image, scratch);
                 let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
-                let sample = Sample { place, sequence, name: self.name_of(&frame.path), features };
+                let (name, pose) = (self.name_of(&frame.path), frame.pose);
+                let sample = Sample { place, sequence, name, pose, features };
                 let (digest, look) = (blake3::hash(&bytes), Look::of(&image));
                 Ok(Read { sample, digest, look, is_damaged: image.damaged_rows() > 0 })
             });

@@ -1,12 +1,12 @@
 //! Which frames a model has learned: the rows that opinions keep, and the answers that name a frame, count by them.
 
-use super::Sample;
 use super::arrays::{Array, Arrays, require};
 use super::format::FormatError;
+use super::{Pose, Sample};
 use std::collections::BTreeMap;
 
 /// The frames, in the order in which they were learned.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct LearnedFrames {
     /// The room of each.
     pub(super) labels: Vec<usize>,
@@ -15,6 +15,8 @@ pub(super) struct LearnedFrames {
     drive_names: Vec<String>,
     /// What each is called, such as its path in the data set; may be empty.
     names: Vec<String>,
+    /// Where each was taken, where that is known.
+    poses: Vec<Option<Pose>>,
 }
 
 impl LearnedFrames {
@@ -36,6 +38,7 @@ impl LearnedFrames {
             self.drives.push(drive);
             // Names are lines of a text.
             self.names.push(sample.name.replace(['\n', '\r'], " "));
+            self.poses.push(sample.pose.filter(Pose::is_finite));
         }
     }
 
@@ -50,6 +53,15 @@ impl LearnedFrames {
 
     pub(super) fn drive(&self, frame_idx: usize) -> &str {
         &self.drive_names[self.drives[frame_idx]]
+    }
+
+    /// Where a frame was taken.
+    pub(super) fn pose(&self, frame_idx: usize) -> Option<Pose> {
+        self.poses.get(frame_idx).copied().flatten()
+    }
+
+    pub(super) fn has_poses(&self) -> bool {
+        self.poses.iter().any(Option::is_some)
     }
 
     /// With the rooms numbered anew.
@@ -69,6 +81,7 @@ impl LearnedFrames {
             left.labels.push(left_places.binary_search(&self.labels[frame_idx]).unwrap_or_default());
             left.drives.push(drive);
             left.names.push(self.names[frame_idx].clone());
+            left.poses.push(self.poses[frame_idx]);
         }
         left
     }
@@ -77,7 +90,12 @@ impl LearnedFrames {
         if self.labels.is_empty() {
             return Vec::new();
         }
+        let posed: Vec<(usize, Pose)> =
+            self.poses.iter().enumerate().filter_map(|(idx, pose)| Some((idx, (*pose)?))).collect();
+        let numbers: Vec<f64> = posed.iter().flat_map(|(_, pose)| [pose.x, pose.y, pose.angle]).collect();
         vec![
+            Array::counts("frames.posed", posed.iter().map(|(idx, _)| *idx)),
+            Array::doubles("frames.poses", &numbers),
             Array::counts("frames.rooms", self.labels.iter().copied()),
             Array::counts("frames.drives", self.drives.iter().copied()),
             Array::text("frames.drive_names", &self.drive_names.join("\n")),
@@ -91,8 +109,10 @@ impl LearnedFrames {
             return Ok(Self::default());
         }
         let lines = |name| Ok::<_, FormatError>(file.text(name)?.split('\n').map(str::to_owned).collect());
+        let labels = file.counts("frames.rooms")?;
         let learned = Self {
-            labels: file.counts("frames.rooms")?,
+            poses: poses(labels.len(), file)?,
+            labels,
             drives: file.counts("frames.drives")?,
             drive_names: lines("frames.drive_names")?,
             names: lines("frames.names")?,
@@ -106,4 +126,19 @@ impl LearnedFrames {
         require(learned.drives.iter().all(|&drive| drive < n_drives), "a frame is of no drive")?;
         Ok(learned)
     }
+}
+
+/// Where each of so many frames was taken; files of before this was kept do not say.
+fn poses(n_frames: usize, file: &Arrays) -> Result<Vec<Option<Pose>>, FormatError> {
+    let mut poses = vec![None; n_frames];
+    if file.has("frames.poses") {
+        let (posed, numbers) = (file.counts("frames.posed")?, file.doubles("frames.poses")?);
+        require(numbers.len() == 3 * posed.len(), "its poses are of other frames")?;
+        for (&frame_idx, &[x, y, angle]) in posed.iter().zip(numbers.as_chunks().0) {
+            let pose = Pose { x, y, angle };
+            require(frame_idx < n_frames && pose.is_finite(), "a pose is of no frame, or no number")?;
+            poses[frame_idx] = Some(pose);
+        }
+    }
+    Ok(poses)
 }

@@ -21,6 +21,7 @@ use super::arrays::{Array, Arrays};
 use super::calibration::{Calibration, Way};
 use super::format::FormatError;
 use super::lens::Lens;
+use super::nearest::Near;
 use super::sight::{Seen, Sight};
 use super::{AddError, Features, TrainError};
 use crate::camera::CameraKind;
@@ -112,6 +113,9 @@ pub(super) trait Recognizer: Sized {
 
     /// What spoke for and against a room, in any order; nothing where it cannot be told.
     fn clues(&self, seen: &Seen, place_idx: usize) -> Vec<Clue>;
+
+    /// The training frames that are most like a frame, the nearest first, at most so many; none where none are kept.
+    fn nearest(&self, seen: &Seen, n_frames: usize) -> Vec<Near>;
 
     /// All that [`Recognizer::from_arrays`] needs beside the configuration.
     fn to_arrays(&self) -> Vec<Array>;
@@ -346,6 +350,10 @@ impl Trained {
         of_each!(Self, self, recognizer => recognizer.to_arrays())
     }
 
+    fn nearest(&self, seen: &Seen, n_frames: usize) -> Vec<Near> {
+        of_each!(Self, self, recognizer => recognizer.nearest(seen, n_frames))
+    }
+
     fn size(&self) -> Size {
         of_each!(Self, self, recognizer => recognizer.size())
     }
@@ -380,6 +388,11 @@ impl Opinion {
     /// What spoke for and against a room.
     pub(super) fn clues(&self, features: &Features, place_idx: usize) -> Vec<Clue> {
         features.of(&self.sight).map_or_else(Vec::new, |seen| self.trained.clues(seen, place_idx))
+    }
+
+    /// The training frames that are most like a frame; see [`Recognizer::nearest`].
+    pub(super) fn nearest(&self, features: &Features, n_frames: usize) -> Vec<Near> {
+        features.of(&self.sight).map_or_else(Vec::new, |seen| self.trained.nearest(seen, n_frames))
     }
 
     pub(super) fn size(&self) -> Size {

@@ -36,6 +36,7 @@ pub(super) fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample
             place: ["stripes", "bars", "dots"][idx % 3].to_owned(),
             sequence: format!("drive {}", idx % 4),
             name: format!("{idx}.jpg"),
+            pose: None,
             features: extractor.extract(&frame(idx % 3, &mut random), &mut Scratch::default()),
         })
         .collect()
@@ -296,6 +297,7 @@ fn what_is_counted_by_parts_of_a_grid_recognizes_explains_and_comes_back_the_sam
                 place: ["stripes", "bars", "dots"][idx % 3].to_owned(),
                 sequence: format!("drive {}", idx % 4),
                 name: String::new(),
+                pose: None,
                 features: extractor.extract(&frame(idx % 3, &mut random), &mut Scratch::default()),
             };
             let samples: Vec<Sample> = (0..36).map(&mut describe).collect();

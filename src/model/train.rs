@@ -1,6 +1,6 @@
 //! Labeled frames to a model.
 
-use super::{Config, Features, Model, Recognition, Trials};
+use super::{Config, Features, Model, Pose, Recognition, Trials};
 use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::memory::MemoryError;
@@ -16,6 +16,8 @@ pub struct Sample {
     pub sequence: String,
     /// What it is called, such as its path in the data set; may be empty.
     pub name: String,
+    /// Where it was taken, if that is known.
+    pub pose: Option<Pose>,
     /// What an [`Extractor`] of the model's configuration and camera found.
     pub features: Features,
 }

@@ -145,6 +145,7 @@ fn train(config: &Config, names: [&str; 3]) -> Model {
             place: names[idx as usize % 3].to_owned(),
             sequence: format!("drive {}", idx % 4),
             name: format!("{idx}.jpg"),
+            pose: None,
             features: extractor.extract(&image, &mut Scratch::default()),
         }
     };

@@ -3,7 +3,7 @@
 use super::super::AddError;
 use super::super::arrays::{Array, Arrays, require};
 use super::super::format::FormatError;
-use super::{Added, Left, Shape};
+use super::{Added, Left, Near, Shape};
 use crate::matrix::Matrix;
 
 /// One row a frame, in whole numbers of a 127th of the row's largest magnitude: a quarter of the space, and far below
@@ -40,14 +40,28 @@ impl KeptRows {
 
     /// The largest cosine between a row of as many numbers and one that is kept, -1 without any.
     pub(super) fn nearest_cosine(&self, row: &[f32]) -> f32 {
+        self.cosines(row).fold(-1.0, f32::max)
+    }
+
+    /// The rows of the largest cosines, of which the first is [`KeptRows::nearest_cosine`].
+    pub(super) fn nearest(&self, row: &[f32], n_rows: usize) -> Vec<Near> {
+        let near = |(frame_idx, nearness)| Near { frame_idx, nearness, points: Vec::new() };
+        let mut nearest: Vec<Near> = self.cosines(row).enumerate().map(near).collect();
+        nearest.sort_by(|a, b| b.nearness.total_cmp(&a.nearness));
+        nearest.truncate(n_rows);
+        nearest
+    }
+
+    /// The cosines between a row of as many numbers and those that are kept.
+    fn cosines(&self, row: &[f32]) -> impl Iterator<Item = f32> {
         // In whole numbers, since the compiler then multiplies many at once.
         let (row, _) = rounded(row);
         let of_row = (product(&row, &row) as f32).sqrt();
-        let cosine = |(values, of_kept): (&[i8], &f32)| {
+        let cosine = move |(values, of_kept): (&[i8], &f32)| {
             product(values, &row) as f32 / (of_kept * of_row).max(f32::MIN_POSITIVE)
         };
         let rows = self.values.chunks_exact(self.n_cols.max(1)).zip(&self.lengths);
-        rows.map(cosine).fold(-1.0, f32::max)
+        rows.map(cosine)
     }
 
     pub(super) fn n_rows(&self) -> usize {
@@ -156,6 +170,9 @@ mod tests {
         let kept = KeptRows::new(&Matrix::from_vec(vec![1.0, 0.0, 3.0, 4.0], 2).unwrap());
         assert!((kept.nearest_cosine(&[6.0, 8.0]) - 1.0).abs() < 1e-4);
         assert!(kept.nearest_cosine(&[0.0, -1.0]).abs() < 1e-4);
+        let nearest = kept.nearest(&[6.0, 8.0], 5);
+        assert_eq!((nearest.len(), nearest[0].frame_idx, nearest[1].frame_idx), (2, 1, 0));
+        assert_eq!(nearest[0].nearness, kept.nearest_cosine(&[6.0, 8.0]));
         assert!((kept.nearest_cosine(&[0.1, -0.01]) - 0.995).abs() < 0.01);
         assert_eq!(kept.nearest_cosine(&[0.0, 0.0]), 0.0);
         // More than 32 bits hold.

@@ -11,7 +11,7 @@ use super::super::lens::Lens;
 use super::super::sight::{LocalFeatures, Seen, Sight};
 use super::super::{AddError, TrainError};
 use super::kept::KeptRows;
-use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Said, Shape, Sign, Size, Tries};
+use super::{Added, Chosen, Clue, Left, Likeness, Near, Recognizer, Said, Shape, Sign, Size, Tries};
 use crate::boost::{self, Boost};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
@@ -272,6 +272,16 @@ impl Recognizer for Machines {
         };
         let signs = signs_of(&values).to_vec();
         Some(Said { values, signs })
+    }
+
+    fn nearest(&self, seen: &Seen, n_frames: usize) -> Vec<Near> {
+        let local = seen.local().filter(|local| !local.keypoints.is_empty());
+        match (&self.kind, local) {
+            (Kind::Linear(vocabulary, _), Some(local)) => {
+                self.kept.nearest(&vocabulary.row(local.described()), n_frames)
+            }
+            _ => Vec::new(),
+        }
     }
 
     fn check_addition(&self) -> Result<(), AddError> {

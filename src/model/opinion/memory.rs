@@ -7,7 +7,7 @@ use super::super::lens::Lens;
 use super::super::sight::{Seen, Sight};
 use super::super::{AddError, TrainError};
 use super::machines::{MACHINE_SIGNS, signs_of};
-use super::{Added, Chosen, Clue, Left, Likeness, Recognizer, Said, Shape, Sign, Size, Tries};
+use super::{Added, Chosen, Clue, Left, Likeness, Near, Recognizer, Said, Shape, Sign, Size, Tries};
 use crate::describe::Descriptor;
 use crate::detect::Detector;
 use crate::matrix::Matrix;
@@ -268,6 +268,26 @@ impl Recognizer for Places {
             }
         };
         of_place.into_iter().map(clue).collect()
+    }
+
+    /// By votes. A descriptor may have found several frames.
+    fn nearest(&self, seen: &Seen, n_frames: usize) -> Vec<Near> {
+        let (Some(local), Some(descriptors)) = (seen.local(), seen.descriptors()) else { return Vec::new() };
+        let recall = self.memory.recall(descriptors);
+        let near = |votes: &memory::FrameVotes| {
+            let of_frame = recall.matches.iter().filter(|matched| matched.frame_idx == votes.frame_idx);
+            let point = |matched: &memory::Match| {
+                let keypoint = &local.keypoints[matched.descriptor_idx];
+                [keypoint.x, keypoint.y]
+            };
+            let points: Vec<[f32; 2]> = of_frame.map(point).collect();
+            Near {
+                frame_idx: self.memory.origins()[votes.frame_idx].frame_idx,
+                nearness: points.len() as f32 / descriptors.n_rows().max(1) as f32,
+                points,
+            }
+        };
+        recall.frames.iter().take(n_frames).map(near).collect()
     }
 
     fn to_arrays(&self) -> Vec<Array> {

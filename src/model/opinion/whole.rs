@@ -6,7 +6,7 @@ use super::super::sight::Seen;
 use super::super::{AddError, TrainError};
 use super::kept::KeptRows;
 use super::machines::{LinearArrays, MACHINE_SIGNS, signs_of};
-use super::{Added, Chosen, Clue, Left, Recognizer, Said, Shape, Sign, Size};
+use super::{Added, Chosen, Clue, Left, Near, Recognizer, Said, Shape, Sign, Size};
 use crate::matrix::Matrix;
 use crate::svm::{self, LinearSvm};
 
@@ -75,6 +75,10 @@ impl<C: WholeConfig> Recognizer for Whole<C> {
 
     fn clues(&self, _: &Seen, _: usize) -> Vec<Clue> {
         Vec::new()
+    }
+
+    fn nearest(&self, seen: &Seen, n_frames: usize) -> Vec<Near> {
+        seen.whole().map_or_else(Vec::new, |whole| self.kept.nearest(whole, n_frames))
     }
 
     fn to_arrays(&self) -> Vec<Array> {
