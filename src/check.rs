@@ -5,7 +5,7 @@ use crate::camera::CameraKind;
 use crate::dataset::{Copied, Dataset, Described, Look, near_pairs};
 use crate::model::{Flaw, HeldOutAnswers};
 use serde::Serialize;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 /// Pictures are blurred that are less sharp than this share of the middle one of the set.
@@ -13,6 +13,12 @@ const BLURRED: f32 = 0.3;
 
 /// Panoramas are twice as wide as high; so much more or less may be cut off.
 const PANORAMA: std::ops::Range<f64> = 1.9..2.1;
+
+/// A drive through a room of fewer pictures says nothing.
+const LEAST_OF_DRIVE: usize = 5;
+
+/// A drive is in another room where this share of its pictures shows it.
+const MOST_OF_DRIVE: f64 = 0.8;
 
 /// Shapes differ by more than this share.
 const OTHER_SHAPE: f64 = 0.05;
@@ -23,6 +29,8 @@ const OTHER_SHAPE: f64 = 0.05;
 pub enum Oddity {
     /// The other pictures say that it shows another room.
     Label,
+    /// Most pictures of its drive that are said to show its room show another one, as other drives say.
+    Drive,
     /// The same picture, byte for byte, is said to show two rooms.
     TwoRooms,
     /// Nearly the same picture is said to show two rooms.
@@ -47,8 +55,9 @@ pub enum Oddity {
 
 impl Oddity {
     /// All of them, the gravest first.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::Label,
+        Self::Drive,
         Self::TwoRooms,
         Self::NearTwoRooms,
         Self::Copy,
@@ -66,6 +75,9 @@ impl Oddity {
         match self {
             Self::Label => {
                 "Labels that the other pictures contradict, the surest first: look at them, and move what is wrong"
+            }
+            Self::Drive => {
+                "Drives that other drives take to be in another room (the first picture of each): look at them, and move what is wrong"
             }
             Self::TwoRooms => "The same picture in two rooms: keep it in one (training leaves out both)",
             Self::NearTwoRooms => "Nearly the same picture in two rooms: one of them is likely wrong",
@@ -123,7 +135,8 @@ impl Examined<'_> {
         findings
     }
 
-    /// Pictures whose room is not the one that models say that were trained without them: the surest first.
+    /// Pictures whose room is not the one that models say that were trained without them, but not without the others of their
+    /// drives: the surest first.
     pub fn labels(&self, answers: &HeldOutAnswers) -> Vec<Finding> {
         let mut doubts: Vec<(f32, Finding)> = Vec::new();
         for answer in &answers.held_out {
@@ -141,6 +154,31 @@ impl Examined<'_> {
         }
         doubts.sort_by(|(a, _), (b, _)| b.total_cmp(a));
         doubts.into_iter().map(|(_, finding)| finding).collect()
+    }
+
+    /// The first picture of each drive in a room that models take for another room, as they were trained without drives: nearly
+    /// all of its pictures for the same.
+    pub fn drives(&self, answers: &HeldOutAnswers) -> Vec<Finding> {
+        let mut by_drive: BTreeMap<(&str, &str), Vec<(usize, usize)>> = BTreeMap::new();
+        for answer in &answers.held_out {
+            let sample = &self.described.samples[answer.sample_idx];
+            let answered = (answer.sample_idx, answer.recognition.place_idx);
+            by_drive.entry((&sample.sequence, &sample.place)).or_default().push(answered);
+        }
+        let doubt = |((drive, room), answered): ((&str, &str), Vec<(usize, usize)>)| {
+            let mut n_of_place: BTreeMap<usize, usize> = BTreeMap::new();
+            answered.iter().for_each(|(_, place_idx)| *n_of_place.entry(*place_idx).or_default() += 1);
+            let (&place_idx, &n_most) = n_of_place.iter().max_by_key(|(_, n_frames)| **n_frames)?;
+            let likely = &answers.places[place_idx];
+            let is_clear =
+                answered.len() >= LEAST_OF_DRIVE && n_most as f64 >= MOST_OF_DRIVE * answered.len() as f64;
+            (likely != room && is_clear).then(|| {
+                let detail = format!("{drive}: {n_most} of {} pictures show rather {likely}", answered.len());
+                let finding = self.finding(Oddity::Drive, answered[0].0, detail);
+                Finding { likely_room: Some(likely.clone()), ..finding }
+            })
+        };
+        by_drive.into_iter().filter_map(doubt).collect()
     }
 
     fn finding(&self, oddity: Oddity, sample_idx: usize, detail: impl Into<String>) -> Finding {

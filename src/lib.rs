@@ -18,7 +18,7 @@
 //! | 10 | [`model`] | the whole pipeline: train, recognize, the file |
 //! | 11 | [`repository`] | which versions of which models there are, on a disk or in a bucket |
 //! | 12 | [`dataset`], [`evaluate`], [`simulate`] | labeled frames from disk, rates, the simulated lab |
-//! | 13 | [`validate`], [`page`] | rates of a configuration over splits and seeds; HTML pages with charts |
+//! | 13 | [`check`], [`validate`], [`page`] | what is odd about labeled frames; rates of a configuration over splits and seeds; HTML pages with charts |
 //! | 14 | [`experiment`] | the experiments of the papers |
 //! | 15 | [`protocol`] | what travels between robots and the service |
 //! | 16 | [`client`], [`server`] | a client of the HTTP service, the service |

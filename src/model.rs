@@ -64,7 +64,7 @@ pub use pose::{Pose, PoseEstimate};
 pub use sight::{LocalFeatures, Seen, Sight};
 pub use train::{ELSEWHERE, HeldOut, Sample, TrainError, Training, TrainingStep};
 pub use trial::{Stage, TrialError, TriedModel, try_model};
-pub use trials::Trials;
+pub use trials::{Trials, Unit};
 
 use crate::camera::Camera;
 use crate::filter::{Observation, RoomFilter, Transitions};

@@ -5,7 +5,7 @@ use super::data::{self, ConfigArgs, DataArgs, LimitArgs};
 use super::output::{self, say};
 use crate::check::{Examined, Finding, Oddity};
 use crate::dataset::{Dataset, Described};
-use crate::model::{Extractor, Sample, all_opinions, answer_held_out};
+use crate::model::{Candidate, Extractor, Sample, TrainError, Unit, all_opinions, answer_held_out};
 use anyhow::Context;
 use clap::Args;
 use serde::Serialize;
@@ -66,15 +66,8 @@ pub(super) fn run(args: &CheckArgs) -> anyhow::Result<()> {
     let (labels, labels_unchecked) = if args.pictures_only {
         (Vec::new(), Some("--pictures-only".to_owned()))
     } else {
-        let samples: Vec<&Sample> = described.samples.iter().collect();
-        let bar = output::progress("doubting labels", 1);
-        let answers = answer_held_out(&samples, &candidates, |step| {
-            bar.set_length(step.n_steps as u64);
-            bar.set_position(step.n_done as u64);
-        });
-        bar.finish_and_clear();
-        match answers {
-            Ok(answers) => (examined.labels(&answers), None),
+        match doubted(&examined, &candidates) {
+            Ok(findings) => (findings, None),
             Err(error) => (Vec::new(), Some(error.to_string())),
         }
     };
@@ -92,6 +85,26 @@ pub(super) fn run(args: &CheckArgs) -> anyhow::Result<()> {
         print(&dataset, &report)?;
     }
     Ok(())
+}
+
+/// Labels that held-out answers contradict: of single pictures, whose neighbors in a drive are the best witnesses, and of whole
+/// drives.
+fn doubted(examined: &Examined, candidates: &[Candidate]) -> Result<Vec<Finding>, TrainError> {
+    let samples: Vec<&Sample> = examined.described.samples.iter().collect();
+    let answered = |unit: Unit, what: &str| {
+        let bar = output::progress(what, 1);
+        let answers = answer_held_out(&samples, candidates, unit, |step| {
+            bar.set_length(step.n_steps as u64);
+            bar.set_position(step.n_done as u64);
+        });
+        bar.finish_and_clear();
+        answers
+    };
+    let mut findings = examined.labels(&answered(Unit::Frames, "doubting labels")?);
+    if samples.iter().any(|sample| sample.sequence != samples[0].sequence) {
+        findings.extend(examined.drives(&answered(Unit::Drives, "doubting drives")?));
+    }
+    Ok(findings)
 }
 
 fn n_by_room(described: &Described) -> BTreeMap<String, usize> {

@@ -2,10 +2,12 @@
 
 use super::data::{self, LimitArgs};
 use super::output::{self, say};
-use crate::model::{Model, Recognition, Scratch, Unknown};
+use crate::model::{Features, Model, NearFrame, PoseEstimate, Recognition, Scratch, Unknown};
+use crate::protocol::rest::NearestFrame;
 use anyhow::bail;
 use clap::Args;
 use serde::Serialize;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Tell which room frames show
@@ -21,10 +23,17 @@ pub(super) struct RecognizeArgs {
     /// How many of the most probable rooms to print
     #[arg(long, default_value_t = 3, value_parser = data::at_least(1))]
     top: usize,
+    /// Also tell why: the training frames that are most like each frame, as each opinion of the model sees them, and where it
+    /// was taken, of models that were trained on frames with poses
+    #[arg(long)]
+    explain: bool,
     /// Print the answers as JSON
     #[arg(long)]
     json: bool,
 }
+
+/// The training frames of each opinion that are told.
+const N_NEAREST: usize = 3;
 
 /// One line of `--json`.
 #[derive(Serialize)]
@@ -39,6 +48,10 @@ struct Line<'a> {
     novelty: Option<f32>,
     keypoints: usize,
     probabilities: Vec<(&'a str, f32)>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    nearest: Option<Vec<NearestFrame>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pose: Option<PoseEstimate>,
 }
 
 /// Answers every frame that can be read; fails at the end when one could not.
@@ -47,7 +60,7 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
     let limits = args.limits.limits();
     let mut scratch = Scratch::default();
     let mut table = output::table(["frame", "room", "probability", "known", "keypoints", "others"]);
-    let mut n_failed = 0;
+    let (mut reasons, mut n_failed) = (Vec::new(), 0);
     let mut frames = Vec::new();
     for path in &args.frames {
         if path.is_dir() {
@@ -57,12 +70,12 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
         }
     }
     for path in &frames {
-        let recognition = match data::read_frame(path, model.extractor(), &limits) {
+        let features = match data::read_frame(path, model.extractor(), &limits) {
             Ok(image) => {
                 if image.damaged_rows() > 0 {
                     eprintln!("{}: {} rows are damaged or missing", path.display(), image.damaged_rows());
                 }
-                model.recognize(&image, &mut scratch)
+                model.features(&image, &mut scratch)
             }
             Err(error) => {
                 eprintln!("{}", output::explained(&error));
@@ -70,7 +83,12 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
                 continue;
             }
         };
-        let line = line(&model, path, &recognition, args.top);
+        let recognition = model.classify(&features);
+        let mut line = line(&model, path, &recognition, args.top);
+        if args.explain {
+            line.nearest = Some(nearest(&model, &features));
+            line.pose = model.pose(&features);
+        }
         if args.json {
             say!("{}", serde_json::to_string(&line)?)?;
         } else {
@@ -84,15 +102,52 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
                 line.keypoints.to_string(),
                 others.join(", "),
             ]);
+            reasons.push(line);
         }
     }
     if !args.json && n_failed < frames.len() {
         say!("{table}")?;
     }
+    if args.explain {
+        reasons.iter().try_for_each(say_why)?;
+    }
     if n_failed > 0 {
         bail!("{n_failed} of {} frames could not be read", frames.len());
     }
     Ok(())
+}
+
+/// Prints the reasons of an answer.
+fn say_why(line: &Line) -> io::Result<()> {
+    say!("\n{}: {}", line.frame.display(), line.room)?;
+    if let Some(PoseEstimate { pose, radius }) = &line.pose {
+        let angle = pose.angle.to_degrees();
+        say!(
+            "taken at ({:.2} m, {:.2} m), heading {angle:.0} degrees, give or take {radius:.2} m",
+            pose.x,
+            pose.y
+        )?;
+    }
+    let mut table = output::table(["most like", "shows", "nearness", "keypoints", "as seen by"]);
+    for near in line.nearest.iter().flatten() {
+        let keypoints = if near.points.is_empty() { "-".to_owned() } else { near.points.len().to_string() };
+        let frame = if near.frame.is_empty() { "a frame without a name" } else { &near.frame };
+        let nearness = format!("{:.2}", near.nearness);
+        table.add_row([frame, &near.room, &nearness, &keypoints, &near.opinion]);
+    }
+    say!("{table}")
+}
+
+fn nearest(model: &Model, features: &Features) -> Vec<NearestFrame> {
+    let near = |near: NearFrame| NearestFrame {
+        opinion: near.opinion,
+        frame: near.name,
+        drive: near.drive,
+        room: model.places()[near.place_idx].clone(),
+        nearness: near.nearness,
+        points: near.points,
+    };
+    model.nearest(features, N_NEAREST).into_iter().map(near).collect()
 }
 
 fn line<'a>(model: &'a Model, frame: &'a Path, recognition: &Recognition, top: usize) -> Line<'a> {
@@ -109,5 +164,7 @@ fn line<'a>(model: &'a Model, frame: &'a Path, recognition: &Recognition, top: u
         novelty: recognition.novelty,
         keypoints: recognition.n_keypoints,
         probabilities,
+        nearest: None,
+        pose: None,
     }
 }

@@ -123,6 +123,8 @@ pub fn result(seq: u64, room: &str) -> ServerMessage {
         robot: None,
         captured_at: None,
         evidence: None,
+        nearest: None,
+        pose: None,
     };
     ServerMessage::Result(Box::new(StreamResult {
         seq,
@@ -152,6 +154,7 @@ fn hello() -> Hello {
             filter: None,
             deadline_ms: None,
             top: None,
+            explain: false,
         },
         limits: StreamLimits {
             max_frame_bytes: 1 << 20,

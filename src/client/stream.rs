@@ -201,9 +201,20 @@ impl StreamReceiver {
 
 /// A configuration as the address of a stream says it.
 fn query_of(configure: &Configure) -> StreamQuery {
-    let Configure { robot, model, mode, interval_ms, filter, deadline_ms, top } = configure.clone();
+    let Configure { robot, model, mode, interval_ms, filter, deadline_ms, top, explain } = configure.clone();
     let filter = filter.map(|filter| filter != FilterChoice::Switch(false));
-    StreamQuery { robot, model, mode, interval_ms, filter, deadline_ms, top, session: None, last_seq: None }
+    StreamQuery {
+        robot,
+        model,
+        mode,
+        interval_ms,
+        filter,
+        deadline_ms,
+        top,
+        explain,
+        session: None,
+        last_seq: None,
+    }
 }
 
 fn stream_url(client: &Client, query: &StreamQuery) -> Result<String, ClientError> {

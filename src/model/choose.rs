@@ -1,7 +1,7 @@
 //! Which opinions a model has, chosen by held-out frames among a few candidates.
 
 use super::held_out::TELLABLE;
-use super::{Config, HeldOut, Sample, TrainError, Training, TrainingStep, Trials};
+use super::{Config, HeldOut, Sample, TrainError, Training, TrainingStep, Trials, Unit};
 use crate::camera::Camera;
 use serde::{Deserialize, Serialize};
 
@@ -84,7 +84,7 @@ pub fn train_preferred(
     camera: &Camera,
     mut progress: impl FnMut(TrainingStep),
 ) -> Result<Preferred, TrainError> {
-    prefer(samples, candidates, &mut progress, |mut tried, progress| {
+    prefer(samples, candidates, Unit::Drives, &mut progress, |mut tried, progress| {
         let training = tried.trials.finish(tried.config, camera.clone(), progress)?;
         Ok(Preferred { training, choice: tried.choice, left_out: tried.left_out })
     })
@@ -99,16 +99,17 @@ pub struct HeldOutAnswers {
     pub held_out: Vec<HeldOut>,
 }
 
-/// Answers frames as [`train_preferred`] does on its way to a model, without making one.
+/// Answers frames as [`train_preferred`] does on its way to a model, without making one, `unit` by unit.
 ///
 /// # Errors
 /// Those of [`Trials::run`].
 pub fn answer_held_out(
     samples: &[&Sample],
     candidates: &[Candidate],
+    unit: Unit,
     mut progress: impl FnMut(TrainingStep),
 ) -> Result<HeldOutAnswers, TrainError> {
-    prefer(samples, candidates, &mut progress, |tried, _| {
+    prefer(samples, candidates, unit, &mut progress, |tried, _| {
         let held_out = tried.trials.held_out(tried.config)?;
         Ok(HeldOutAnswers { places: tried.trials.places().to_vec(), held_out })
     })
@@ -127,6 +128,7 @@ struct TriedCandidates<'t, 's> {
 fn prefer<T>(
     samples: &[&Sample],
     candidates: &[Candidate],
+    unit: Unit,
     mut progress: &mut dyn FnMut(TrainingStep),
     go_on: impl FnOnce(TriedCandidates, &mut dyn FnMut(TrainingStep)) -> Result<T, TrainError>,
 ) -> Result<T, TrainError> {
@@ -137,7 +139,7 @@ fn prefer<T>(
             let none = || TrainError::Config("there is no opinion to train".to_owned());
             return Err(left_out.pop().map_or_else(none, |last| last.reason));
         };
-        match Trials::run(samples, &config, &mut progress) {
+        match Trials::run(samples, &config, unit, &mut progress) {
             Ok(trials) => {
                 let choice = choose(&trials, &candidates)?;
                 let config = &candidates[choice.chosen].config;

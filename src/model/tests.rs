@@ -204,6 +204,36 @@ fn patterns_answer_frames_without_keypoints() {
 }
 
 #[test]
+fn the_nearest_frames_tell_where_a_frame_was_taken() {
+    let mut config = config().with_patterns(0.5, PatternsConfig::default());
+    config.opinions.insert("memory".to_owned(), OpinionConfig::Memory(MemoryConfig::default()));
+    let mut samples = samples(&config, 48, 1);
+    let unposed = train(&samples, &config, Camera::new(Projection::Perspective)).unwrap().model;
+    assert_eq!(unposed.pose(&samples[0].features), None);
+    for (idx, sample) in samples.iter_mut().enumerate() {
+        // A room has a corner of its own.
+        sample.pose = Some(Pose { x: 10.0 * (idx % 3) as f64, y: 0.01 * idx as f64, angle: 1.0 });
+    }
+    samples[5].pose = None;
+    let model = train(&samples, &config, Camera::new(Projection::Perspective)).unwrap().model;
+    let back = Model::from_bytes(&model.to_bytes().unwrap()).unwrap();
+    let nearest = back.nearest(&samples[7].features, 2);
+    assert_eq!(nearest.len(), 6, "two of each opinion: {nearest:?}");
+    for near in nearest.iter().step_by(2) {
+        assert_eq!((near.name.as_str(), near.pose), ("7.jpg", samples[7].pose), "{nearest:?}");
+        assert_eq!(back.places()[near.place_idx], samples[7].place);
+    }
+    assert!(nearest.iter().any(|near| near.opinion == "memory" && !near.points.is_empty()), "{nearest:?}");
+    let unseen = Sample::clone(&self::samples(&config, 1, 77)[0]);
+    for estimate in [model.pose(&unseen.features), back.pose(&unseen.features)] {
+        let PoseEstimate { pose, radius } = estimate.unwrap();
+        assert!(pose.x.abs() < 1.0 && (pose.angle - 1.0).abs() < 1e-6 && radius < 15.0, "{pose:?} {radius}");
+    }
+    let left = model.without(Forgotten::Place("bars")).unwrap();
+    assert!((left.pose(&unseen.features).unwrap().pose.x).abs() < 1.0);
+}
+
+#[test]
 fn a_scratch_of_another_model_changes_nothing() {
     let half = Mask::new(Image::from_pixels(2, 1, vec![255, 0]).unwrap());
     let masked = Camera { projection: Projection::Perspective, mask: Some(half) };

@@ -1,6 +1,6 @@
 //! Labeled frames to a model.
 
-use super::{Config, Features, Model, Pose, Recognition, Trials};
+use super::{Config, Features, Model, Pose, Recognition, Trials, Unit};
 use crate::boost::BoostError;
 use crate::camera::Camera;
 use crate::memory::MemoryError;
@@ -116,6 +116,6 @@ impl Model {
         camera: Camera,
         mut progress: impl FnMut(TrainingStep),
     ) -> Result<Training, TrainError> {
-        Trials::run(samples, config, &mut progress)?.finish(config, camera, progress)
+        Trials::run(samples, config, Unit::Drives, &mut progress)?.finish(config, camera, progress)
     }
 }

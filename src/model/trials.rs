@@ -40,6 +40,15 @@ pub struct Trials<'a> {
     elsewhere: Vec<RoundDecision>,
 }
 
+/// What is held out together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Whole drives, where there are several and each tells of the others.
+    Drives,
+    /// Single frames, also of drives.
+    Frames,
+}
+
 /// An opinion, what it sees of all samples, and what its trainings have in common.
 struct Tried<'a> {
     name: &'a str,
@@ -77,6 +86,7 @@ impl<'a> Trials<'a> {
     pub fn run(
         given: &'a [&'a Sample],
         config: &'a Config,
+        unit: Unit,
         mut progress: impl FnMut(TrainingStep),
     ) -> Result<Self, TrainError> {
         config.check().map_err(TrainError::Config)?;
@@ -103,7 +113,8 @@ impl<'a> Trials<'a> {
             Ok(Tried { name, config: opinion, seen, seen_elsewhere, learner, trained, of_rounds })
         };
         let opinions = config.opinions.iter().map(tried).collect::<Result<_, TrainError>>()?;
-        let sequences: Vec<&str> = samples.iter().map(|sample| sample.sequence.as_str()).collect();
+        let sequence = |sample: &&'a Sample| if unit == Unit::Drives { sample.sequence.as_str() } else { "" };
+        let sequences: Vec<&str> = samples.iter().map(sequence).collect();
         let mut trials = Self {
             given,
             sample_idxs,

@@ -36,7 +36,8 @@ pub struct RecognizeQuery {
     /// How many of the most probable rooms to name; left out: all.
     #[param(minimum = 1, example = 3)]
     pub top: Option<usize>,
-    /// Whether to tell which keypoints spoke for and against the room.
+    /// Whether to tell why: which keypoints spoke for and against the room, and which training frames are most like the
+    /// frame.
     #[serde(default)]
     pub explain: bool,
 }
@@ -101,6 +102,12 @@ pub struct Answer {
     /// Where asked for: the keypoints that spoke for and against the room, strongest first.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub evidence: Option<Vec<KeypointEvidence>>,
+    /// Where asked for: the training frames that are most like it, as each opinion of the model sees them, the nearest first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nearest: Option<Vec<NearestFrame>>,
+    /// Where asked for, of models whose training frames came with poses: where the frame was taken, more or less.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pose: Option<FramePose>,
 }
 
 /// Why an answer is not known.
@@ -178,6 +185,38 @@ pub struct KeypointEvidence {
     pub weight: f32,
 }
 
+/// A training frame that is like the frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct NearestFrame {
+    /// The opinion of the model that finds it so.
+    pub opinion: String,
+    /// The training frame, by its path among those; empty where that is not known.
+    pub frame: String,
+    /// The drive that it comes from; empty where that is not known.
+    pub drive: String,
+    /// The room that it shows.
+    pub room: String,
+    /// How near it is, 1 being the same: the share of the frame's keypoints that found it, or the cosine between what the
+    /// opinion sees of both.
+    pub nearness: f32,
+    /// The keypoints that found it, as column and row in the frame as sent, in pixels.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub points: Vec<[f32; 2]>,
+}
+
+/// Where a frame was taken, more or less, in the coordinates of the training drives.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+pub struct FramePose {
+    /// Meters.
+    pub x: f64,
+    /// Meters.
+    pub y: f64,
+    /// Heading in radians, counterclockwise from the x axis.
+    pub angle: f64,
+    /// How far apart the frames lie that say so, in meters; the larger, the less sure.
+    pub radius: f64,
+}
+
 /// The answers to a batch.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
 pub struct BatchAnswer {
@@ -192,7 +231,7 @@ pub struct BatchAnswer {
 #[serde(rename_all = "snake_case")]
 pub enum BatchResult {
     /// It was recognized.
-    Answer(Answer),
+    Answer(Box<Answer>),
     /// It was not.
     Error(ProblemBody),
 }

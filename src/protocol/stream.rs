@@ -42,6 +42,8 @@ pub struct StreamQuery {
     pub deadline_ms: Option<u64>,
     /// How many of the most probable rooms to name; left out: all.
     pub top: Option<usize>,
+    /// Whether to tell why a room was answered, which takes longer; left out: no.
+    pub explain: Option<bool>,
 }
 
 impl StreamQuery {
@@ -55,6 +57,7 @@ impl StreamQuery {
             filter: self.filter.map(FilterChoice::Switch),
             deadline_ms: self.deadline_ms,
             top: self.top,
+            explain: self.explain,
         }
     }
 }
@@ -94,6 +97,9 @@ pub struct Configure {
     /// How many of the most probable rooms to name; 0: all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub top: Option<usize>,
+    /// Whether to tell why a room was answered: the keypoints that spoke for it, the training frames that are most like the frame.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub explain: Option<bool>,
 }
 
 /// What happens to frames that come faster than they are answered.
@@ -156,6 +162,9 @@ pub struct StreamSettings {
     pub deadline_ms: Option<u64>,
     /// How many of the most probable rooms are named.
     pub top: Option<usize>,
+    /// Whether it is told why a room was answered.
+    #[serde(default)]
+    pub explain: bool,
 }
 
 /// What the service sends, always as text.

@@ -1,14 +1,14 @@
 //! What callers read of what happened: from the service's own types to those that travel.
 
 use super::problem::{Kind, Problem};
-use super::recognize::{Seen, Timings};
+use super::recognize::{Reasons, Seen, Timings};
 use super::registry::{
     CANARY, Entry, Failure, PREVIOUS, Registry, SHADOW, STABLE, ServedModel, Serving, Tally, Version,
 };
-use crate::model::{self, Evidence, Model, NetworkEntry};
+use crate::model::{self, Evidence, Model, NearFrame, NetworkEntry, Pose, PoseEstimate};
 use crate::protocol::rest::{
-    Answer, BatchResult, FailureInfo, KeypointEvidence, KindInfo, ModelInfo, ModelName, NetworkInfo,
-    RecognizeQuery, RoomProbability, ShadowInfo, TimingsMs, Unknown, VersionInfo,
+    Answer, BatchResult, FailureInfo, FramePose, KeypointEvidence, KindInfo, ModelInfo, ModelName,
+    NearestFrame, NetworkInfo, RecognizeQuery, RoomProbability, ShadowInfo, TimingsMs, Unknown, VersionInfo,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,6 +22,7 @@ impl Answer {
         let served = &seen.served;
         let places = served.model.places();
         let recognition = &seen.recognition;
+        let Why { evidence, nearest, pose } = seen.why.map_or_else(Why::default, |why| Why::of(why, places));
         Self {
             room: places[recognition.place_idx].clone(),
             known: recognition.known,
@@ -36,7 +37,31 @@ impl Answer {
             request_id: request_id.to_owned(),
             robot: query.robot.clone(),
             captured_at: query.captured_at.clone(),
-            evidence: seen.evidence.map(|all| all.into_iter().map(KeypointEvidence::from).collect()),
+            evidence,
+            nearest,
+            pose,
+        }
+    }
+}
+
+/// The reasons of an answer, as they travel.
+#[derive(Default)]
+struct Why {
+    evidence: Option<Vec<KeypointEvidence>>,
+    nearest: Option<Vec<NearestFrame>>,
+    pose: Option<FramePose>,
+}
+
+impl Why {
+    fn of(Reasons { evidence, nearest, pose }: Reasons, places: &[String]) -> Self {
+        let near = |NearFrame { opinion, name, drive, place_idx, nearness, points, .. }: NearFrame| {
+            NearestFrame { opinion, frame: name, drive, room: places[place_idx].clone(), nearness, points }
+        };
+        let posed = |PoseEstimate { pose: Pose { x, y, angle }, radius }| FramePose { x, y, angle, radius };
+        Self {
+            evidence: Some(evidence.into_iter().map(KeypointEvidence::from).collect()),
+            nearest: Some(nearest.into_iter().map(near).collect()),
+            pose: pose.map(posed),
         }
     }
 }
@@ -76,7 +101,10 @@ impl From<&ServedModel> for ModelName {
 impl BatchResult {
     /// What a caller reads of one frame of a batch.
     pub fn new(result: Result<Answer, Problem>, request_id: &str) -> Self {
-        result.map_or_else(|problem| Self::Error(problem.body(request_id)), Self::Answer)
+        result.map_or_else(
+            |problem| Self::Error(problem.body(request_id)),
+            |answer| Self::Answer(Box::new(answer)),
+        )
     }
 }
 

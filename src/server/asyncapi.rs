@@ -25,7 +25,7 @@ const SERVER_EXAMPLES: [(&str, &str); 7] = [
             "stream": "c41f07d2a95be836",
             "resumed": false, "next_seq": 0,
             "settings": {"robot": "wall-e", "model": "lab", "mode": "latest", "interval_ms": null,
-                "filter": {"trust": 2.0}, "deadline_ms": null, "top": null},
+                "filter": {"trust": 2.0}, "deadline_ms": null, "top": null, "explain": false},
             "limits": {"max_frame_bytes": 16777216, "max_frame_pixels": 50000000, "window": 16,
                 "idle_timeout_ms": 180000, "message_timeout_ms": 120000, "resume_ms": 30000},
             "modes": ["latest", "lossless", "sampled"],
@@ -35,7 +35,7 @@ const SERVER_EXAMPLES: [(&str, &str); 7] = [
     (
         "configured",
         r#"{"type": "configured", "settings": {"robot": "wall-e", "model": "lab", "mode": "lossless",
-            "interval_ms": null, "filter": null, "deadline_ms": null, "top": 3}}"#,
+            "interval_ms": null, "filter": null, "deadline_ms": null, "top": 3, "explain": false}}"#,
     ),
     (
         "result",

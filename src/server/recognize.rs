@@ -6,7 +6,7 @@ use super::metrics::{FrameOutcome, Transport};
 use super::pool::{Panicked, QueueFull, Slot, Undone};
 use super::registry::{Place, ServedModel, distance};
 use crate::image::{Image, ImageError};
-use crate::model::{Evidence, Recognition, Scratch};
+use crate::model::{Evidence, NearFrame, PoseEstimate, Recognition, Scratch};
 use std::cell::Cell;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
@@ -21,7 +21,7 @@ pub struct Task {
     pub served: Arc<ServedModel>,
     /// When nobody wants the answer any more.
     pub deadline: Option<Instant>,
-    /// Whether the keypoints that spoke for the room are wanted.
+    /// Whether it is wanted why the room was answered.
     pub explain: bool,
     /// What brought the frame.
     pub transport: Transport,
@@ -34,13 +34,27 @@ pub struct Seen {
     pub served: Arc<ServedModel>,
     /// Its answer.
     pub recognition: Recognition,
-    /// Where asked for: what spoke for and against the room, strongest first.
-    pub evidence: Option<Vec<Evidence>>,
+    /// Where asked for: why.
+    pub why: Option<Reasons>,
     /// Rows of the frame that are missing at least in part.
     pub damaged_rows: usize,
     /// Where the time went.
     pub timings: Timings,
 }
+
+/// Why a frame was answered so.
+#[derive(Clone, Debug)]
+pub struct Reasons {
+    /// What spoke for and against the room, strongest first.
+    pub evidence: Vec<Evidence>,
+    /// The training frames that are most like it.
+    pub nearest: Vec<NearFrame>,
+    /// Where it was taken, of models that have learned poses.
+    pub pose: Option<PoseEstimate>,
+}
+
+/// The training frames of each opinion that are told.
+const N_NEAREST: usize = 3;
 
 /// Where the time of one frame went.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -196,9 +210,13 @@ fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
     let (features, features_time) =
         timed(&debug_span!("features"), || with_scratch(&served, |scratch| model.features(image, scratch)));
     let (recognition, classify) = timed(&debug_span!("classify"), || model.classify(&features));
-    let evidence = explain.then(|| model.explain(&features, recognition.place_idx));
+    let why = explain.then(|| Reasons {
+        evidence: model.explain(&features, recognition.place_idx),
+        nearest: model.nearest(&features, N_NEAREST),
+        pose: model.pose(&features),
+    });
     let timings = Timings { features: features_time, classify, ..Timings::default() };
-    Seen { recognition, evidence, damaged_rows: image.damaged_rows(), timings, served }
+    Seen { recognition, why, damaged_rows: image.damaged_rows(), timings, served }
 }
 
 /// Lends this thread's working memory for frames of one model. A job that panics takes the memory

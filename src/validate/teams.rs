@@ -1,7 +1,7 @@
 //! What each opinion of a configuration brings: each alone, each pair, and all together.
 
 use crate::camera::Camera;
-use crate::model::{Candidate, Choice, Config, Model, Sample, TrainError, Trials, train_preferred};
+use crate::model::{Candidate, Choice, Config, Model, Sample, TrainError, Trials, Unit, train_preferred};
 
 /// Opinions that answer together.
 #[derive(Clone, Debug, PartialEq)]
@@ -77,7 +77,7 @@ impl Method {
         let seeded = |part: &Config| Config { seed: config.seed, ..part.clone() };
         match self {
             Self::Every(teams) => {
-                let mut trials = Trials::run(samples, config, |_| ())?;
+                let mut trials = Trials::run(samples, config, Unit::Drives, |_| ())?;
                 let mut finish = |part: &Config| {
                     trials.finish(&seeded(part), camera.clone(), |_| ()).map(|training| training.model)
                 };

@@ -147,6 +147,11 @@ fn recognize_names_the_room_of_each_frame() {
         assert_eq!(line["room"], room, "{line}");
         assert_eq!(line["probabilities"].as_array().unwrap().len(), 2, "{line}");
     }
+    let why = json(&["recognize", "--json", "--explain", &model, &frames[0]]);
+    let nearest = &why["nearest"][0];
+    assert_eq!((&nearest["room"], &nearest["frame"]), (&why["room"], &"bars/5.png".into()), "{why}");
+    let why = done(&["recognize", "--explain", &model, &frames[0]]);
+    assert!(why.contains("most like") && why.contains("bars/5.png"), "{why}");
     let table = done(&["recognize", &model, &frames[0]]);
     assert!(table.contains(ROOMS[0]) && table.contains("probability"), "{table}");
 }

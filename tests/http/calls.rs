@@ -102,6 +102,9 @@ async fn an_answer_carries_all_that_is_promised() {
     assert!((probabilities.iter().sum::<f64>() - 1.0).abs() < 1e-3, "{probabilities:?}");
     assert!(answer["evidence"][0]["weight"].is_f64(), "{answer}");
     assert!(answer["known"].is_boolean() && answer["keypoints"].is_u64() && answer["evidence"].is_array());
+    let nearest = &answer["nearest"][0];
+    assert!(nearest["nearness"].as_f64().unwrap() > 0.0 && nearest["frame"].is_string(), "{answer}");
+    assert_eq!(nearest["room"], answer["room"], "{answer}");
     assert_eq!(answer["model"]["name"], "lab");
     assert_eq!(answer["model"]["version"], 1);
     assert_eq!(answer["model"]["epoch"], 1);

@@ -223,6 +223,7 @@ async fn a_stream_is_configured_while_it_runs() {
         mode: Some(Mode::Lossless),
         filter: Some(FilterChoice::Switch(false)),
         top: Some(1),
+        explain: Some(true),
         ..Configure::default()
     };
     let ServerMessage::Configured { settings } = robot.configure(change).await else { panic!() };
@@ -230,12 +231,14 @@ async fn a_stream_is_configured_while_it_runs() {
     robot.send(frame()).await;
     let told = result(robot.next().await);
     assert!(told.filtered.is_none() && told.answer.probabilities.len() == 1);
+    assert_eq!(told.answer.nearest.unwrap()[0].room, told.answer.room);
     let filter = Some(FilterChoice::With(FilterSettings { trust: 0.5 }));
-    let change = Configure { filter, top: Some(0), ..Configure::default() };
+    let change = Configure { filter, top: Some(0), explain: Some(false), ..Configure::default() };
     let ServerMessage::Configured { settings } = robot.configure(change).await else { panic!() };
     assert_eq!(settings.robot.as_deref(), Some("wall-e"), "what is left out stays");
     robot.send(frame()).await;
     let told = result(robot.next().await);
+    assert_eq!((told.answer.evidence, told.answer.nearest), (None, None));
     let sum: f32 = told.filtered.unwrap().probabilities.iter().map(|room| room.probability).sum();
     assert!((sum - 1.0).abs() < 1e-4 && told.answer.probabilities.len() == 3);
     let wrong = [

@@ -377,6 +377,7 @@ impl Session {
             lane: self.lane.clone(),
             model: self.settings.model.clone(),
             robot: self.settings.robot.clone(),
+            explain: self.settings.explain,
             newsroom: self.newsroom.clone(),
         };
         let span = tracing::Span::current();

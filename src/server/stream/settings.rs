@@ -20,6 +20,7 @@ pub fn initial(registry: &Registry, key_name: Option<&str>) -> StreamSettings {
         filter: Some(FilterSettings::default()),
         deadline_ms: None,
         top: None,
+        explain: false,
     }
 }
 
@@ -70,6 +71,7 @@ pub fn changed(
         filter,
         deadline_ms: unless_zero(change.deadline_ms, settings.deadline_ms),
         top: unless_zero(change.top.map(|n| n as u64), settings.top.map(|n| n as u64)).map(|n| n as usize),
+        explain: change.explain.unwrap_or(settings.explain),
     })
 }
 

@@ -31,6 +31,8 @@ pub struct Turn {
     pub model: String,
     /// Who asks, for the choice of a version; robots without a name take no part in a canary.
     pub robot: Option<String>,
+    /// Whether it is told why a room was answered.
+    pub explain: bool,
     /// The stream's task.
     pub newsroom: UnboundedSender<News>,
 }
@@ -55,7 +57,7 @@ impl Turn {
             (Err(error), _) => Outcome::Failed(error.into()),
             (Ok(served), Some(frame)) => {
                 let frame = frame.part(frame.bytes.slice(n_header_bytes..));
-                let task = Task { served, deadline, explain: false, transport: Transport::Stream };
+                let task = Task { served, deadline, explain: self.explain, transport: Transport::Stream };
                 span.in_scope(|| see(&self.app, frame, task, queue))
             }
         });

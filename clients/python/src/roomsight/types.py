@@ -53,6 +53,29 @@ class KeypointEvidence:
 
 
 @dataclass(frozen=True)
+class NearestFrame:
+    """A training frame that is like the frame, as an opinion sees both; ``nearness`` 1 is the same. ``points`` are the keypoints
+    of the frame that found it, as column and row."""
+
+    opinion: str
+    frame: str
+    drive: str
+    room: str
+    nearness: float
+    points: list[list[float]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class FramePose:
+    """Where a frame was taken, in meters and radians, ``radius`` meters more or less."""
+
+    x: float
+    y: float
+    angle: float
+    radius: float
+
+
+@dataclass(frozen=True)
 class Answer:
     """Which room a frame shows. Do not act on the room where ``known`` is false.
 
@@ -74,6 +97,8 @@ class Answer:
     damaged_rows: int = 0
     unknown: Optional[str] = None
     novelty: Optional[float] = None
+    nearest: Optional[list[NearestFrame]] = None
+    pose: Optional[FramePose] = None
 
 
 @dataclass(frozen=True)
