@@ -132,6 +132,7 @@ fn train_model(drive: &Drive, features: Vec<Features>, config: &Config) -> Model
         sequence: String::new(),
         name: String::new(),
         pose: None,
+        picture: None,
         features,
     };
     let samples: Vec<Sample> = features.into_iter().zip(&drive.places).map(sample).collect();

@@ -71,6 +71,7 @@ fn described(config: &Config) -> (Vec<Sample>, Camera) {
         sequence: "drive".to_owned(),
         name: String::new(),
         pose: None,
+        picture: None,
         features: extractor.extract(image, scratch),
     };
     (images.par_iter().enumerate().map_init(Scratch::default, sample).collect(), camera)

@@ -77,7 +77,7 @@ use learned::LearnedFrames;
 use novelty::Novelty;
 use opinion::{Clue, Likeness, Opinion, Said};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 /// The answer for one frame.
@@ -242,6 +242,11 @@ impl Model {
     /// The same model with these transitions between its rooms, as [`Transitions::learn`] finds them.
     pub fn with_transitions(self, transitions: Transitions) -> Self {
         Self { transitions, ..self }
+    }
+
+    /// What tells the pictures that it has learned from others, as [`Sample::picture`] does; none in files that do not say.
+    pub fn learned_pictures(&self) -> BTreeSet<u64> {
+        self.learned.pictures().collect()
     }
 
     /// How much each opinion holds, by name.

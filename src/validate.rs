@@ -269,6 +269,7 @@ mod tests {
             sequence: sequence.to_owned(),
             name: String::new(),
             pose: None,
+            picture: None,
             features,
         }
     }

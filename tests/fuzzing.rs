@@ -105,6 +105,7 @@ fn train(config: &Config) -> Model {
             sequence: format!("drive {}", idx % 2),
             name: format!("{idx}.jpg"),
             pose: None,
+            picture: None,
             features,
         }
     };

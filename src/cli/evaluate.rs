@@ -9,7 +9,7 @@ use super::output::{self, say};
 use crate::dataset::Described;
 use crate::evaluate::{Evaluation, Knowledge, PoseErrors};
 use crate::filter::Trust;
-use crate::model::Extractor;
+use crate::model::{Extractor, Sample};
 use crate::validate::{self, Answered};
 use anyhow::bail;
 use clap::Args;
@@ -60,6 +60,8 @@ struct Report {
     n_of_unknown_rooms: usize,
     /// Those rooms, sorted.
     unknown_rooms: Vec<String>,
+    /// Frames that the model has learned: their answers say nothing of other frames.
+    n_learned: usize,
     evaluation: Evaluation,
     /// What "known" is worth.
     knowledge: Knowledge,
@@ -97,6 +99,9 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         let trusts = if trusts.is_empty() { &defaults } else { trusts.as_slice() };
         stream::follow(&model, (&dataset, &described), &answers, trusts)
     });
+    let learned = model.learned_pictures();
+    let is_learned = |sample: &&Sample| sample.picture.is_some_and(|picture| learned.contains(&picture));
+    let n_learned = described.samples.iter().filter(is_learned).count();
     let by_sequence = by_sequence(&described, &answers).into_iter();
     let known: BTreeSet<&String> = model.places().iter().collect();
     let report = Report {
@@ -108,6 +113,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
             .filter(|sample| !sample.is_elsewhere() && !known.contains(&sample.place))
             .count(),
         unknown_rooms: dataset.places().into_iter().filter(|place| !known.contains(place)).collect(),
+        n_learned,
         evaluation: evaluate(&answers),
         knowledge: validate::knowledge(&described, &answers),
         poses: validate::poses(&model, (&dataset, &described)),
@@ -140,6 +146,12 @@ fn by_sequence(described: &Described, answers: &[Answered]) -> BTreeMap<String, 
 fn print(report: &Report) -> io::Result<()> {
     if report.simulated {
         say!("Simulated frames.\n")?;
+    }
+    if report.n_learned > 0 {
+        say!(
+            "Of these frames the model has learned {}: the rates below are better than on frames it has not seen.\n",
+            report.n_learned
+        )?;
     }
     if (2..=MAX_SEQUENCES).contains(&report.by_sequence.len()) {
         let mut table = output::table(["sequence", "frames", "rate", "near borders", "farther away"]);

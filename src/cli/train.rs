@@ -1,5 +1,6 @@
 //! `roomsight train`: labeled frames to a model folder.
 
+mod compare;
 mod not_held_out;
 mod verdict;
 
@@ -17,6 +18,7 @@ use crate::repository::VersionId;
 use crate::validate::{self, Answered};
 use anyhow::{Context, bail};
 use clap::Args;
+use compare::Comparison;
 use not_held_out::NotHeldOut;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -53,8 +55,8 @@ const DEFAULT_FORGET: f64 = 0.7;
 /// it is learned. The frames of before are not needed: the model keeps what it takes to go on, unless it was
 /// configured to boost or to compare sets of descriptors.
 ///
-/// In the end it says whether the model is worth serving. Exit code 3 where a gate (--min-rate, --min-known) fails; no
-/// model is written then.
+/// In the end it says whether the model is worth serving. Exit code 3 where a gate (--min-rate, --min-known) fails, or where
+/// --publish finds a better version serving; no model is written then.
 #[derive(Args)]
 pub(super) struct TrainArgs {
     #[command(flatten)]
@@ -71,6 +73,9 @@ pub(super) struct TrainArgs {
     /// With --publish: the name of the model
     #[arg(long, value_name = "NAME", requires = "publish", value_parser = models::name)]
     name: Option<String>,
+    /// With --publish: also where the version that serves answers more frames right
+    #[arg(long, requires = "publish")]
+    even_if_worse: bool,
     #[command(flatten)]
     cache: CacheArgs,
     /// Add the frames to what this model has learned; its configuration, camera and words stay
@@ -111,6 +116,9 @@ struct Report {
     /// Why the other frames have no held-out answer.
     not_held_out: Vec<NotHeldOut>,
     verdict: Verdict,
+    /// With the version that serves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    comparison: Option<Comparison>,
 }
 
 /// A model whose card says what it was trained on, and the frames that it has just learned.
@@ -143,6 +151,12 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let knowledge = validate::knowledge(described, &answers);
     let verdict = Verdict::of(&evaluation, knowledge, model.known_probability().is_some(), &taken);
     args.gates_hold(&verdict, &evaluation)?;
+    let comparison = destination.comparison((dataset, described), &answers, &args.limits.limits())?;
+    if let Some(comparison) =
+        comparison.as_ref().filter(|comparison| comparison.is_worse && !args.even_if_worse)
+    {
+        return Err(GateFailed(format!("it is worse. {comparison}. To publish it: --even-if-worse")).into());
+    }
     let card = card(args, &trained, &evaluation);
     let transitions = match &args.add {
         // Those of the first training stay: what was seen then is not there to be counted again.
@@ -160,7 +174,15 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
 
     if args.json {
         let published = published.map(|id| id.to_string());
-        let report = Report { model: folder, published, card, held_out: evaluation, not_held_out, verdict };
+        let report = Report {
+            model: folder,
+            published,
+            card,
+            held_out: evaluation,
+            not_held_out,
+            verdict,
+            comparison,
+        };
         say!("{}", serde_json::to_string_pretty(&report)?)?;
         return Ok(());
     }
@@ -179,6 +201,9 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         say!("Pictures of elsewhere that tell what is no room: {n_elsewhere}.")?;
     }
     verdict.print(args.add.is_none())?;
+    if let Some(comparison) = &comparison {
+        comparison.print()?;
+    }
     if let Some(choice) = &card.choice {
         say!("\n{}", choices(choice))?;
     }
@@ -235,6 +260,24 @@ impl<'a> Destination<'a> {
                 Ok(Self::Repository(Box::new(local), name))
             }
             _ => bail!("where does the model go? Give --output, or --publish and --name"),
+        }
+    }
+
+    /// How a model whose held-out answers are these does beside the version that serves there, if one does.
+    fn comparison(
+        &self,
+        trained: (&Dataset, &Described),
+        answers: &[Answered],
+        limits: &Limits,
+    ) -> anyhow::Result<Option<Comparison>> {
+        let Self::Repository(repository, name) = self else { return Ok(None) };
+        let Some(id) = repository.serving(name)? else { return Ok(None) };
+        match Model::load(&repository.folder(&id)?) {
+            Ok(loaded) => Ok(Comparison::new((&id.to_string(), &loaded.model), trained, answers, limits)),
+            Err(error) => {
+                eprintln!("note: not compared with {id}, which serves: {error}");
+                Ok(None)
+            }
         }
     }
 

@@ -55,9 +55,9 @@ impl Dataset {
                 let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
                 let features = extractor.extract(&image, scratch);
                 let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
-                let (name, pose) = (self.name_of(&frame.path), frame.pose);
-                let sample = Sample { place, sequence, name, pose, features };
                 let (digest, look) = (blake3::hash(&bytes), Look::of(&image));
+                let (name, pose) = (self.name_of(&frame.path), frame.pose);
+                let sample = Sample { place, sequence, name, pose, picture: Some(short(&digest)), features };
                 Ok(Read { sample, digest, look, is_damaged: image.damaged_rows() > 0 })
             });
             on_frame();
@@ -186,6 +186,11 @@ impl Described {
         self.problems.extend(left_out.into_iter().map(|copied| copied.problem));
         self
     }
+}
+
+/// The first bytes of a digest.
+fn short(digest: &blake3::Hash) -> u64 {
+    digest.as_bytes().first_chunk().map_or(0, |first| u64::from_le_bytes(*first))
 }
 
 /// Keeps the items that are marked.

@@ -32,6 +32,11 @@ impl Array {
         Self::new(name, Dtype::F64, vec![values.len()], bytes)
     }
 
+    pub(super) fn longs(name: &str, numbers: impl ExactSizeIterator<Item = u64>) -> Self {
+        let shape = vec![numbers.len()];
+        Self::new(name, Dtype::U64, shape, numbers.flat_map(u64::to_le_bytes).collect())
+    }
+
     /// Numbers that fit 32 bits.
     pub(super) fn counts(name: &str, counts: impl ExactSizeIterator<Item = usize>) -> Self {
         let shape = vec![counts.len()];
@@ -136,6 +141,11 @@ impl<'a> Arrays<'a> {
     pub(super) fn doubles(&self, name: &str) -> Result<Vec<f64>, FormatError> {
         let bytes = self.read(name, (Dtype::F64, 1))?.1;
         Ok(bytes.as_chunks().0.iter().map(|&value| f64::from_le_bytes(value)).collect())
+    }
+
+    pub(super) fn longs(&self, name: &str) -> Result<Vec<u64>, FormatError> {
+        let bytes = self.read(name, (Dtype::U64, 1))?.1;
+        Ok(bytes.as_chunks().0.iter().map(|&number| u64::from_le_bytes(number)).collect())
     }
 
     pub(super) fn counts(&self, name: &str) -> Result<Vec<usize>, FormatError> {

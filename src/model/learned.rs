@@ -17,6 +17,8 @@ pub(super) struct LearnedFrames {
     names: Vec<String>,
     /// Where each was taken, where that is known.
     poses: Vec<Option<Pose>>,
+    /// What tells each one's picture from others, where that is known.
+    pictures: Vec<Option<u64>>,
 }
 
 impl LearnedFrames {
@@ -39,6 +41,7 @@ impl LearnedFrames {
             // Names are lines of a text.
             self.names.push(sample.name.replace(['\n', '\r'], " "));
             self.poses.push(sample.pose.filter(Pose::is_finite));
+            self.pictures.push(sample.picture);
         }
     }
 
@@ -58,6 +61,11 @@ impl LearnedFrames {
     /// Where a frame was taken.
     pub(super) fn pose(&self, frame_idx: usize) -> Option<Pose> {
         self.poses.get(frame_idx).copied().flatten()
+    }
+
+    /// What tells the pictures of its frames from others.
+    pub(super) fn pictures(&self) -> impl Iterator<Item = u64> {
+        self.pictures.iter().copied().flatten()
     }
 
     pub(super) fn has_poses(&self) -> bool {
@@ -82,6 +90,7 @@ impl LearnedFrames {
             left.drives.push(drive);
             left.names.push(self.names[frame_idx].clone());
             left.poses.push(self.poses[frame_idx]);
+            left.pictures.push(self.pictures[frame_idx]);
         }
         left
     }
@@ -96,6 +105,7 @@ impl LearnedFrames {
         vec![
             Array::counts("frames.posed", posed.iter().map(|(idx, _)| *idx)),
             Array::doubles("frames.poses", &numbers),
+            Array::longs("frames.pictures", self.pictures.iter().map(|picture| picture.unwrap_or_default())),
             Array::counts("frames.rooms", self.labels.iter().copied()),
             Array::counts("frames.drives", self.drives.iter().copied()),
             Array::text("frames.drive_names", &self.drive_names.join("\n")),
@@ -112,6 +122,7 @@ impl LearnedFrames {
         let labels = file.counts("frames.rooms")?;
         let learned = Self {
             poses: poses(labels.len(), file)?,
+            pictures: pictures(labels.len(), file)?,
             labels,
             drives: file.counts("frames.drives")?,
             drive_names: lines("frames.drive_names")?,
@@ -141,4 +152,15 @@ fn poses(n_frames: usize, file: &Arrays) -> Result<Vec<Option<Pose>>, FormatErro
         }
     }
     Ok(poses)
+}
+
+/// What tells the pictures of so many frames from others: 0 where it is not known, and nothing in files of before this was
+/// kept.
+fn pictures(n_frames: usize, file: &Arrays) -> Result<Vec<Option<u64>>, FormatError> {
+    if !file.has("frames.pictures") {
+        return Ok(vec![None; n_frames]);
+    }
+    let pictures = file.longs("frames.pictures")?;
+    require(pictures.len() == n_frames, "its pictures are of other frames")?;
+    Ok(pictures.into_iter().map(|picture| (picture != 0).then_some(picture)).collect())
 }

@@ -37,6 +37,7 @@ pub(super) fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample
             sequence: format!("drive {}", idx % 4),
             name: format!("{idx}.jpg"),
             pose: None,
+            picture: None,
             features: extractor.extract(&frame(idx % 3, &mut random), &mut Scratch::default()),
         })
         .collect()
@@ -328,6 +329,7 @@ fn what_is_counted_by_parts_of_a_grid_recognizes_explains_and_comes_back_the_sam
                 sequence: format!("drive {}", idx % 4),
                 name: String::new(),
                 pose: None,
+                picture: None,
                 features: extractor.extract(&frame(idx % 3, &mut random), &mut Scratch::default()),
             };
             let samples: Vec<Sample> = (0..36).map(&mut describe).collect();

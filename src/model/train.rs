@@ -18,6 +18,8 @@ pub struct Sample {
     pub name: String,
     /// Where it was taken, if that is known.
     pub pose: Option<Pose>,
+    /// What tells its picture from others: the first bytes of the BLAKE3 digest of its file, if it came from one.
+    pub picture: Option<u64>,
     /// What an [`Extractor`] of the model's configuration and camera found.
     pub features: Features,
 }

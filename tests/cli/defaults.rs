@@ -1,6 +1,6 @@
 //! What `train` makes of little data where it chooses the opinions itself, with networks and without.
 
-use crate::{FAILED, ROOMS, done, frame, json, path, refused, write_rooms};
+use crate::{FAILED, GATE_FAILED, ROOMS, done, frame, json, path, refused, write_rooms};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -66,7 +66,6 @@ fn a_room_of_one_photo_is_recognized() {
 
 #[test]
 fn a_model_that_fails_a_gate_is_not_written() {
-    const GATE_FAILED: i32 = 3;
     let folder = TempDir::new().unwrap();
     write_rooms(&folder.path().join("rooms"));
     for shift in 0..12 {

@@ -17,6 +17,7 @@ use tempfile::TempDir;
 const DONE: i32 = 0;
 const FAILED: i32 = 1;
 const WRONG_USAGE: i32 = 2;
+const GATE_FAILED: i32 = 3;
 
 /// Parameters that make training quick.
 const QUICK: [&str; 4] = ["--set", "representation.n_words=20", "--set", "detector.threshold.fixed=20"];

@@ -1,6 +1,9 @@
 //! `roomsight models` and `train --publish`, in a folder and in a running service.
 
-use crate::{DONE, FAILED, LAB, QUICK, WRONG_USAGE, done, json, path, refused, roomsight};
+use crate::{
+    DONE, FAILED, GATE_FAILED, LAB, QUICK, ROOMS, WRONG_USAGE, done, frame, json, path, refused, roomsight,
+    write_rooms,
+};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use roomsight::repository::package::pack;
@@ -71,7 +74,7 @@ fn walk(place: &[&str]) {
     step(&["delete", "lab/3"]);
     assert_eq!(labels(&step(&["list"])[0]), ["2 previous", "1 stable"]);
     let version = step(&["show", "lab/1"]);
-    assert_eq!(version["rooms"], serde_json::json!(crate::ROOMS));
+    assert_eq!(version["rooms"], serde_json::json!(ROOMS));
     assert_eq!(version["digest"].as_str().unwrap().len(), 64);
     assert!(version["card"]["n_frames"].is_number(), "{version}");
     let table = done(&[&["models"], place, &["show", "lab/1"]].concat());
@@ -191,6 +194,37 @@ fn training_ends_in_a_repository() {
     let own = path(&folder, "models/lab/1");
     let error = refused(FAILED, &["train", &data, "--publish", &own, "--name", "lab"]);
     assert!(error.contains("own folder"), "{error}");
+}
+
+#[test]
+fn a_worse_model_is_published_only_where_that_is_wanted() {
+    let folder = TempDir::new().unwrap();
+    let (repository, data) = (path(&folder, "models"), path(&folder, "rooms"));
+    write_rooms(&folder.path().join("rooms"));
+    let train = ["train", &data, "--publish", &repository, "--name", "lab"];
+    done(&[&train, &QUICK[..]].concat());
+    // All is the same in words that are two.
+    let coarse = [&train[..], &["--set", "representation.n_words=2"]].concat();
+    let error = refused(GATE_FAILED, &coarse);
+    assert!(error.contains("Beside lab/1, which serves: right on the frames that each held out"), "{error}");
+    assert_eq!(labels(&models(&["--models", &repository], &["list"])[0]), ["1"]);
+    for room in ROOMS {
+        for shift in 0..8 {
+            let picture = folder.path().join(format!("rooms/{room}/more{shift}.png"));
+            frame(room, 3 + 7 * shift).save(picture).unwrap();
+        }
+    }
+    let error = refused(GATE_FAILED, &coarse);
+    assert!(error.contains("right on frames that neither had learned") && error.contains("of 24"), "{error}");
+    let report = json(&[&coarse[..], &["--even-if-worse", "--json"]].concat());
+    assert_eq!((&report["published"], &report["comparison"]["is_worse"]), (&"lab/2".into(), &true.into()));
+    let told = done(&[&train, &QUICK[..]].concat());
+    assert!(told.contains("Beside lab/2, which serves") && told.contains("lab/3 is ready"), "{told}");
+
+    let told = done(&["evaluate", &path(&folder, "models/lab"), &data]);
+    assert!(told.contains("Of these frames the model has learned 60"), "{told}");
+    let told = done(&["evaluate", &LAB.model(), &path(&folder, "rooms/bars/..")]);
+    assert!(told.contains("Of these frames the model has learned 36"), "{told}");
 }
 
 #[test]

@@ -146,6 +146,7 @@ fn train(config: &Config, names: [&str; 3]) -> Model {
             sequence: format!("drive {}", idx % 4),
             name: format!("{idx}.jpg"),
             pose: None,
+            picture: None,
             features: extractor.extract(&image, &mut Scratch::default()),
         }
     };

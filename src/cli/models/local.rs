@@ -100,6 +100,18 @@ impl Local {
         Ok(self.0.default_model()?.map(|default| default.model))
     }
 
+    /// The version of a model that serves, or would as the latest; none where there is none.
+    pub fn serving(&self, name: &str) -> anyhow::Result<Option<VersionId>> {
+        let scan = self.0.scan()?;
+        let serving = scan.models.get(name).and_then(|Listing { versions, record }| {
+            record
+                .stable
+                .filter(|stable| versions.contains_key(stable))
+                .or(versions.keys().next_back().copied())
+        });
+        Ok(serving.map(|version| VersionId::new(name, version)))
+    }
+
     /// Where the files of a version are.
     pub fn folder(&self, id: &VersionId) -> anyhow::Result<PathBuf> {
         Ok(self.0.fetch(id)?)

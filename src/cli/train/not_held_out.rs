@@ -65,7 +65,14 @@ mod tests {
         let descriptors = Matrix::zeros(n_keypoints, 1);
         let seen = Seen::Local(LocalFeatures { keypoints, descriptors, spots: Vec::new() });
         let features = Features { sights: Arc::default(), seen: vec![seen], scale: 1.0, flaw: None };
-        Sample { place: place.to_owned(), sequence: String::new(), name: String::new(), pose: None, features }
+        Sample {
+            place: place.to_owned(),
+            sequence: String::new(),
+            name: String::new(),
+            pose: None,
+            picture: None,
+            features,
+        }
     }
 
     fn answer(sample_idx: usize) -> HeldOut {

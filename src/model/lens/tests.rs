@@ -60,7 +60,7 @@ fn samples(config: &Config, rooms: &[usize], seed: u64) -> Vec<Sample> {
         let room = rooms[idx % rooms.len()];
         let features = extractor.extract(&frame(room, &mut random), &mut Scratch::default());
         let (place, sequence) = (ROOMS[room].to_owned(), format!("drive {seed}.{}", idx % 4));
-        Sample { place, sequence, name: format!("{seed}.{idx}"), pose: None, features }
+        Sample { place, sequence, name: format!("{seed}.{idx}"), pose: None, picture: None, features }
     };
     (0..24).map(sample).collect()
 }
