@@ -1,6 +1,7 @@
 //! `roomsight train`: labeled frames to a model folder.
 
 mod compare;
+mod curve;
 mod not_held_out;
 mod verdict;
 
@@ -19,6 +20,7 @@ use crate::validate::{self, Answered};
 use anyhow::{Context, bail};
 use clap::Args;
 use compare::Comparison;
+use curve::LearningCurve;
 use not_held_out::NotHeldOut;
 use serde::Serialize;
 use std::collections::BTreeSet;
@@ -38,6 +40,9 @@ const MAX_FILE_NAME_LENGTH: usize = 48;
 
 /// The longest ending of a picture's name that is kept, in bytes.
 const MAX_ENDING_LENGTH: usize = 5;
+
+/// Below this rate of held-out frames it is told whether more frames would help.
+const WORTH_ADVICE: f64 = 0.95;
 
 /// Up to here the default kernel answered held-out drives as well as without dropping (docs/RESULTS.md).
 const DEFAULT_FORGET: f64 = 0.7;
@@ -149,7 +154,10 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let of_rooms = || described.samples.iter().filter(|sample| !sample.is_elsewhere());
     let taken: Vec<_> = of_rooms().map(|sample| (sample.place.as_str(), sample.sequence.as_str())).collect();
     let knowledge = validate::knowledge(described, &answers);
-    let verdict = Verdict::of(&evaluation, knowledge, model.known_probability().is_some(), &taken);
+    // It takes about half as long as the training, and advises nobody whose rooms are told apart.
+    let is_wanted = args.add.is_none() && evaluation.overall.rate.is_some_and(|rate| rate < WORTH_ADVICE);
+    let curve = if is_wanted { learning_curve(&trained) } else { None };
+    let verdict = Verdict::of(&evaluation, knowledge, model.known_probability().is_some(), curve, &taken);
     args.gates_hold(&verdict, &evaluation)?;
     let comparison = destination.comparison((dataset, described), &answers, &args.limits.limits())?;
     if let Some(comparison) =
@@ -356,6 +364,24 @@ fn with_progress(
     });
     bar.finish_and_clear();
     training
+}
+
+/// Held-out rates with half of the frames beside those with all, where that can be told.
+fn learning_curve(trained: &Trained) -> Option<LearningCurve> {
+    let Trained { training: Training { model, held_out, .. }, described, .. } = trained;
+    let bar = output::progress("with half of them", 1);
+    let curve = LearningCurve::measure(&described.samples, model, held_out, |step| {
+        bar.set_length(step.n_steps as u64);
+        bar.set_position(step.n_done as u64);
+    });
+    bar.finish_and_clear();
+    match curve {
+        Ok(curve) => curve,
+        Err(error) => {
+            eprintln!("note: how much more frames would help cannot be told: {error}");
+            None
+        }
+    }
 }
 
 fn sequences(dataset: &Dataset) -> BTreeSet<&str> {
