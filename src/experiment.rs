@@ -1,17 +1,13 @@
 //! The experiments of the two papers, and one beside them, on sequences laid out as the COLD database.
 //!
-//! - **Lu**: Lu, Li, Zhang, Hu, Zheng, "Robust place recognition based on omnidirectional vision and real-time
-//!   local visual features for mobile robots".
-//! - **Ullah**: Ullah, Pronobis, Caputo, Luo, Jensfelt, Christensen, "Towards robust place recognition for
-//!   robot localization", ICRA 2008.
-//!
-//! An [`Experiment`] makes a [`Plan`]: cells of a table, each trained on some drives and measured on others.
+//! The papers, **Lu** and **Ullah**, are cited by [`Paper::citation`]. An [`Experiment`] makes a [`Plan`]: cells of a table, each trained on some drives and measured on others.
 //! [`run()`] fills the cells over several seeds; [`report`] writes them.
 
 mod cache;
 mod cost;
 mod drives;
 mod measured;
+mod paper;
 mod plan;
 pub mod report;
 mod run;
@@ -20,8 +16,9 @@ mod stability;
 pub use cache::Cache;
 pub use drives::{Drive, Drives};
 pub use measured::{Cost, KeypointCounts, Matches, Measured, Rates};
+pub use paper::Paper;
 pub use plan::{Cell, Chart, Occlusion, Plan, Split, Work};
-pub use run::{FrameAnswer, Step, run};
+pub use run::{FrameAnswer, SOURCES, Step, run};
 
 use clap::ValueEnum;
 use serde::Serialize;

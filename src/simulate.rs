@@ -15,7 +15,7 @@
 //! | `builder`, `building`, `furniture`, `person` | what stands where |
 //! | `solid`, `caster`, `texture`, `light`, `scene` | what light comes along a ray |
 //! | `optics`, `sensor` | from rays to pixels |
-//! | `sequence` | files |
+//! | `sequence`, `walls` | files |
 
 mod builder;
 mod building;
@@ -32,9 +32,11 @@ mod sequence;
 mod solid;
 mod texture;
 mod vector;
+mod walls;
 
 pub use robot::{Pose, SPEED};
 pub use sequence::{MARKER_FILE, SequenceSummary, SimulateError};
+pub use walls::Wall;
 
 use image::RgbImage;
 use optics::{Optics, Sight};
@@ -273,6 +275,11 @@ impl Simulation {
         let pose = self.pose(frame_idx);
         let plan = self.scene.plan();
         &plan.rooms[plan.room_at(pose.x, pose.y)].label
+    }
+
+    /// The walls of the lab.
+    pub fn walls(&self) -> Vec<Wall> {
+        self.scene.plan().walls()
     }
 
     /// How far the robot is from the nearest door or passage to another room, in meters.

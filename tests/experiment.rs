@@ -128,22 +128,69 @@ fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
     }
     // The tiles tell the rooms apart.
     assert!(entries[6]["measured"][0]["rate"]["mean"].as_f64().unwrap() > 0.6, "{said}");
+    // What the report says of itself, and the papers' figures in columns of their own.
     let html = fs::read_to_string(report.join("report.html")).unwrap();
-    assert!(
-        html.contains(".9806") && html.contains("<svg") && !html.contains("http"),
-        "printed figures stand by"
-    );
+    let command = format!("roomsight experiment all --quick --data {}", text(&data));
+    let digest = parsed["data"]["blake3"].as_str().unwrap();
+    for fact in [
+        "Lu, Li, Zhang, Hu, Zheng",
+        "Ullah, Pronobis, Caputo, Luo, Jensfelt, Christensen",
+        &command,
+        digest,
+        parsed["origin"]["created"].as_str().unwrap(),
+        "of each drive one frame in 5",
+        "<dd>0 to 1; one run",
+        "<a href=\"#words\">The number of words</a>",
+        "<section id=\"words\">",
+        "<th>cloudy2, paper (%)</th>",
+        "<td>98.1</td>",
+        "number of words k</text>",
+        "x (m)</text>",
+    ] {
+        assert!(html.contains(fact), "{fact}");
+    }
+    assert!(html.contains("<svg") && !html.contains("http") && !html.contains("class=\"wall\""));
+    assert_eq!(entries[6]["plan"]["cells"][0]["printed"], 0.9806);
+
+    // Each table has its files, and the page links to them.
+    let tables = report.join("tables");
+    let csv = fs::read_to_string(tables.join("best.csv")).unwrap();
+    let header = "model,cloudy2 mean,cloudy2 std,cloudy2 best,\"cloudy2, paper\",";
+    assert!(csv.starts_with(header) && csv.contains(",0.9806,"), "{csv}");
+    let best = entries[6]["measured"][0]["rate"]["mean"].as_f64().unwrap();
+    assert!(csv.contains(&format!("\n\"FAST+CS-LBP, bag\",{best},")), "{csv}");
+    for entry in fs::read_dir(&tables).unwrap().map(|entry| entry.unwrap()) {
+        let name = entry.file_name().into_string().unwrap();
+        assert!(html.contains(&format!("href=\"tables/{name}\"")), "{name}");
+        let latex = fs::read_to_string(entry.path()).unwrap();
+        if name.ends_with(".tex") {
+            let tabular = |word: &str| latex.matches(&format!("\\{word}{{tabular}}")).count();
+            assert!(tabular("begin") == 1 && tabular("end") == 1 && latex.contains("\\midrule"), "{latex}");
+        }
+    }
+    assert!(tables.join("best-confusion-fast-cs-lbp-bag-night1.tex").exists());
+    assert!(tables.join("categorical-rooms.csv").exists());
 
     let n_answers = || fs::read_dir(report.join("answers")).unwrap().count();
     let before = n_answers();
+    // Marked as simulated, the frames stand beside no figure of a paper.
+    fs::write(data.join("SIMULATED.txt"), "").unwrap();
     let (code, said) = run(&data, &report, "all");
     assert_eq!(code, 0, "{said}");
     assert_eq!(n_answers(), before);
+    let json = fs::read_to_string(report.join("report.json")).unwrap();
+    let html = fs::read_to_string(report.join("report.html")).unwrap();
+    assert!(
+        html.contains("Simulated frames.") && !html.contains("paper (%)") && !html.contains("In the paper")
+    );
+    assert!(!json.contains("\"printed\""));
+    assert!(!fs::read_to_string(tables.join("best.csv")).unwrap().contains("paper"));
     let again: Value = serde_json::from_slice(&fs::read(report.join("report.json")).unwrap()).unwrap();
     for (again, entry) in again["entries"].as_array().unwrap().iter().zip(entries) {
         // Time is measured anew.
-        assert!(again == entry || entry["plan"]["experiment"] == "cost");
+        assert!(again["measured"] == entry["measured"] || entry["plan"]["experiment"] == "cost");
     }
+    fs::remove_file(data.join("SIMULATED.txt")).unwrap();
 
     // What cannot be trained is told in its place, and the rest goes on.
     let other = folder.path().join("other");
@@ -165,6 +212,14 @@ fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
         fs::read_to_string(other.join("report.html")).unwrap().contains("k = 60000, night1: not measured")
     );
 
+    // As JSON the report is all that standard output has.
+    let experiment =
+        ["experiment", "keypoints", "--quick", "--json", "--data", text(&data), "--report", text(&other)];
+    let output = Command::new(env!("CARGO_BIN_EXE_roomsight")).args(experiment).output().unwrap();
+    let printed: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let written: Value = serde_json::from_slice(&fs::read(other.join("report.json")).unwrap()).unwrap();
+    assert!(printed == written && printed["entries"][0]["plan"]["experiment"] == "keypoints");
+
     // A changed frame changes what is answered of its drive, and of the models trained on it.
     let frames = data.join("cold-freiburg/part_a/seq1_cloudy1/std_cam");
     let first = fs::read_dir(frames).unwrap().map(|entry| entry.unwrap().path()).min().unwrap();
@@ -180,8 +235,10 @@ fn what_cannot_work_is_said_before_it_starts() {
     let refused = |data: &Path, name: &str| {
         let (code, said) = roomsight(&["experiment", name, "--data", text(data), "--report", text(&report)]);
         assert_eq!(code, 1, "{said}");
+        assert!(!report.exists(), "{said}");
         said
     };
+    assert!(refused(&folder.path().join("my-rooms"), "all").contains("my-rooms"));
     let few = folder.path().join("few");
     write_cold(&few, &DRIVES[..2], &LABELS);
     assert!(refused(&few, "features").contains("part B, standard path, night1"));
@@ -223,9 +280,7 @@ fn parameters_that_cannot_work_are_said_before_it_starts() {
         let (code, said) = roomsight(&experiment.into_iter().chain(set).collect::<Vec<_>>());
         assert_eq!(code, 1, "{said}");
         assert!(said.contains(reason), "{said}");
-        assert!(
-            !report.join("answers").exists() || fs::read_dir(report.join("answers")).unwrap().count() == 0
-        );
+        assert!(!report.exists(), "{said}");
     };
     refused(&["classifier.c=nan"], "c is NaN");
     for gamma in ["0", "nan"] {

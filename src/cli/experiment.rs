@@ -4,22 +4,25 @@ use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
 use crate::camera::CameraKind;
 use crate::dataset::{self, Dataset};
-use crate::experiment::report::{self, Entry, Report};
-use crate::experiment::{self, Cache, Chart, Drives, Experiment, Measured, Plan};
+use crate::experiment::report::{self, Data, Entry, Origin, Report, Table, Value};
+use crate::experiment::{self, Cache, Drives, Experiment, Paper, Plan};
 use crate::model::{Config, Representation, all_opinions};
 use anyhow::{Context, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use std::collections::BTreeMap;
+use std::env;
 use std::fs;
 use std::io;
 use std::iter;
 use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::SystemTime;
 
 /// Repeat the experiments of the papers, and one on opinions, on sequences of COLD, or of the simulated lab
 ///
-/// Writes report.html and report.json. Answers are kept in a folder beside them: an interrupted run goes on
-/// where it stopped, and a second one takes seconds.
+/// Writes report.html and report.json, and each table as LaTeX and CSV. Answers are kept in a folder beside them: an
+/// interrupted run goes on where it stopped, and a second one takes seconds.
 #[derive(Args)]
 pub(super) struct ExperimentArgs {
     /// Which one
@@ -45,6 +48,9 @@ pub(super) struct ExperimentArgs {
     camera: Option<CameraName>,
     #[command(flatten)]
     config: ConfigArgs,
+    /// Print report.json instead of the tables
+    #[arg(long)]
+    json: bool,
 }
 
 /// What may be asked for.
@@ -68,9 +74,14 @@ impl Selection {
     }
 }
 
+/// What is going to be measured, and on which drives.
+struct Planned {
+    plan: Plan,
+    drives: Rc<Drives>,
+}
+
 /// Measures, prints the tables, writes the report.
 pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
-    let mut config = args.config.read()?;
     let dataset = dataset::open(&args.data)?;
     data::report_all(&dataset);
     if dataset.frames.is_empty() {
@@ -79,67 +90,108 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
     let (mut n_seeds, mut stride) = (args.seeds, args.stride);
     if args.quick {
         (n_seeds, stride) = (n_seeds.min(2), stride.max(quick_stride(&dataset)));
-        config = quick(config);
+    }
+    let simulated = data::is_simulated(&args.data);
+    // All are planned before the first starts, and before there is a folder: what is missing shows at once.
+    let all_planned = args.plan(&dataset, stride)?;
+    if all_planned.is_empty() {
+        bail!("nothing was measured: {} has no sequences for these experiments", args.data.display());
     }
     let cache = Cache::open(&args.report.join("answers"))?;
-    let simulated = data::is_simulated(&args.data);
     let mut entries = Vec::new();
-    let mut all_drives = None;
-    for (camera, experiments) in by_camera(args) {
-        let dataset = match dataset.clone().with_camera(camera) {
-            Ok(dataset) => dataset,
-            Err(error) if args.name == Selection::All => {
-                say!("left out: {}: {error}", names(&experiments))?;
-                continue;
-            }
-            Err(error) => return Err(error.into()),
-        };
-        let drives = Drives::new(&dataset, stride)?;
-        // All are planned before the first starts: what is missing shows at once.
-        let mut plans = Vec::new();
-        let opinions =
-            experiments.contains(&Experiment::Opinions).then(|| args.opinions(&dataset)).transpose()?;
-        for experiment in experiments {
-            let base = opinions.as_ref().filter(|_| experiment == Experiment::Opinions).unwrap_or(&config);
-            match experiment.plan(&drives, base) {
-                Ok(plan) => plans.push(plan),
-                Err(error) if args.name == Selection::All => say!("left out: {error}")?,
-                Err(error) => return Err(error.into()),
-            }
+    for Planned { mut plan, drives } in all_planned {
+        if simulated {
+            plan.forget_printed();
         }
-        for plan in plans {
-            let bar = output::progress(&plan.title, plan.n_steps(n_seeds));
-            let measured = experiment::run(&plan, &drives, n_seeds, &cache, |step| {
-                bar.set_position(step.n_done as u64);
-                bar.set_message(step.cell);
-            })?;
-            bar.finish_and_clear();
-            print(&plan, &measured, simulated)?;
-            entries.push(Entry { plan, measured });
+        let bar = output::progress(&plan.title, plan.n_steps(n_seeds));
+        let measured = experiment::run(&plan, &drives, n_seeds, &cache, |step| {
+            bar.set_position(step.n_done as u64);
+            bar.set_message(step.cell);
+        })?;
+        bar.finish_and_clear();
+        let entry = Entry { plan, measured, simulated, drives };
+        if !args.json {
+            print(&entry)?;
         }
-        all_drives = Some(all_drives.unwrap_or(drives));
+        entries.push(entry);
     }
-    let Some(drives) = all_drives.filter(|_| !entries.is_empty()) else {
-        bail!("nothing was measured: {} has no sequences for these experiments", args.data.display());
-    };
-    let names = drives.iter().map(|drive| drive.sequence.clone()).collect();
-    let report = Report { simulated, n_seeds, stride, drives: names, entries: &entries };
-    write(&args.report.join("report.json"), &report.to_json()?)?;
-    write(&args.report.join("report.html"), &report.to_html(&drives))?;
-    say!("\n{} is ready; report.json beside it.", args.report.join("report.html").display())?;
+    let data = Data::of(&entries);
+    let report = Report { origin: origin(), simulated, n_seeds, stride, data, entries: &entries };
+    write_all(&report, &args.report)?;
+    if args.json {
+        say!("{}", report.to_json()?)?;
+    } else {
+        say!(
+            "\n{} is ready; report.json and the tables beside it.",
+            args.report.join("report.html").display()
+        )?;
+    }
     Ok(())
 }
 
+/// What made the report, as far as it is the same on every machine.
+fn origin() -> Origin {
+    let arguments = env::args_os().skip(1).map(|argument| output::quoted(Path::new(&argument)));
+    Origin {
+        roomsight: env!("CARGO_PKG_VERSION"),
+        sources: experiment::SOURCES,
+        command: ["roomsight".to_owned()].into_iter().chain(arguments).collect::<Vec<_>>().join(" "),
+        created: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
+    }
+}
+
+/// The page, the JSON file, and the files of each table.
+fn write_all(report: &Report, folder: &Path) -> anyhow::Result<()> {
+    let tables = folder.join(report::TABLES_FOLDER);
+    fs::create_dir_all(&tables).with_context(|| tables.display().to_string())?;
+    for table in report.entries.iter().flat_map(Entry::tables) {
+        write(&tables.join(format!("{}.tex", table.name)), &table.to_latex())?;
+        write(&tables.join(format!("{}.csv", table.name)), &table.to_csv())?;
+    }
+    write(&folder.join("report.json"), &report.to_json()?)?;
+    write(&folder.join("report.html"), &report.to_html())
+}
+
+fn write(path: &Path, text: &str) -> anyhow::Result<()> {
+    fs::write(path, text).with_context(|| path.display().to_string())
+}
+
 impl ExperimentArgs {
+    /// The experiments that were asked for and are possible. Of all, those that are not are named and left out.
+    fn plan(&self, dataset: &Dataset, stride: usize) -> anyhow::Result<Vec<Planned>> {
+        let config = self.config.read()?;
+        let config = if self.quick { quick(config) } else { config };
+        let mut all_planned = Vec::new();
+        for (camera, experiments) in by_camera(self) {
+            let dataset = match dataset.clone().with_camera(camera) {
+                Ok(dataset) => dataset,
+                Err(error) if self.name == Selection::All => {
+                    eprintln!("left out: {}: {error}", names(&experiments));
+                    continue;
+                }
+                Err(error) => return Err(error.into()),
+            };
+            let drives = Rc::new(Drives::new(&dataset, stride)?);
+            let opinions =
+                experiments.contains(&Experiment::Opinions).then(|| self.opinions(&dataset)).transpose()?;
+            for experiment in experiments {
+                let base =
+                    opinions.as_ref().filter(|_| experiment == Experiment::Opinions).unwrap_or(&config);
+                match experiment.plan(&drives, base) {
+                    Ok(plan) => all_planned.push(Planned { plan, drives: Rc::clone(&drives) }),
+                    Err(error) if self.name == Selection::All => eprintln!("left out: {error}"),
+                    Err(error) => return Err(error.into()),
+                }
+            }
+        }
+        Ok(all_planned)
+    }
+
     /// A configuration of all opinions that are measured alone and together: those configured, or else those of the effort.
     fn opinions(&self, dataset: &Dataset) -> anyhow::Result<Config> {
         let opinions = all_opinions(&self.config.candidates(dataset)?).context("there is no opinion")?;
         Ok(if self.quick { quick(opinions) } else { opinions })
     }
-}
-
-fn write(path: &Path, text: &str) -> anyhow::Result<()> {
-    fs::write(path, text).with_context(|| path.display().to_string())
 }
 
 /// The experiments asked for, by the camera whose frames they take.
@@ -149,20 +201,14 @@ fn by_camera(args: &ExperimentArgs) -> Vec<(CameraKind, Vec<Experiment>)> {
     if let Some(camera) = args.camera {
         return vec![(camera.into(), wanted)];
     }
-    let of =
-        |camera| wanted.iter().copied().filter(|&experiment| paper_camera(experiment) == camera).collect();
+    // What is beside the papers is on the drives of Lu.
+    let camera_of = |experiment: Experiment| experiment.paper().unwrap_or(Paper::Lu).camera();
+    let of = |camera| wanted.iter().copied().filter(|&experiment| camera_of(experiment) == camera).collect();
     [CameraKind::Omnidirectional, CameraKind::Perspective]
         .map(|camera| (camera, of(camera)))
         .into_iter()
         .filter(|(_, experiments): &(CameraKind, Vec<Experiment>)| !experiments.is_empty())
         .collect()
-}
-
-fn paper_camera(experiment: Experiment) -> CameraKind {
-    match experiment {
-        Experiment::Dynamic | Experiment::Geographic | Experiment::Categorical => CameraKind::Perspective,
-        _ => CameraKind::Omnidirectional,
-    }
 }
 
 fn names(experiments: &[Experiment]) -> String {
@@ -192,39 +238,18 @@ fn quick_stride(dataset: &Dataset) -> usize {
     n_frames.values().max().map_or(0, |longest| longest.div_ceil(N_FRAMES)).max(5)
 }
 
-fn print(plan: &Plan, measured: &[Measured], simulated: bool) -> io::Result<()> {
-    let kind = if simulated { ", simulated frames" } else { "" };
-    say!("\n{} ({}{kind})", plan.title, plan.source)?;
-    match plan.experiment {
-        Experiment::Cost => print_costs(plan, measured)?,
-        _ => print_figures(plan, measured, simulated)?,
+/// The table of the plan; the others are in the report.
+fn print(entry: &Entry) -> io::Result<()> {
+    let Entry { plan, measured, .. } = entry;
+    say!("\n{} ({})", plan.title, plan.source)?;
+    for Table { corner, columns, rows, notes, .. } in entry.tables().into_iter().take(1) {
+        let mut table =
+            output::table([corner].into_iter().chain(columns.into_iter().map(|column| column.name)));
+        for (name, values) in rows {
+            table.add_row([name].into_iter().chain(values.iter().map(Value::text)));
+        }
+        say!("{table}")?;
+        notes.iter().try_for_each(|note| say!("{note}"))?;
     }
     report::impossible(plan, measured).iter().try_for_each(|reason| say!("{reason}"))
-}
-
-fn print_figures(plan: &Plan, measured: &[Measured], simulated: bool) -> io::Result<()> {
-    let figure = if plan.chart == Chart::Table { "mean" } else { "mean \u{b1} std (best)" };
-    let mut table = output::table(["", "answered", figure, "printed", "keypoints"]);
-    for (cell, measured) in plan.cells.iter().zip(measured) {
-        let printed = cell.printed.filter(|_| !simulated);
-        table.add_row([
-            cell.row.clone(),
-            cell.column.clone(),
-            report::figure(measured),
-            printed.map_or("-".to_owned(), |rate| format!("{rate:.4}")),
-            measured.rates().map_or("-".to_owned(), |rates| format!("{:.0}", rates.keypoints.mean)),
-        ]);
-    }
-    say!("{table}")
-}
-
-fn print_costs(plan: &Plan, measured: &[Measured]) -> io::Result<()> {
-    let mut table = output::table([&[""][..], &report::COST_COLUMNS].concat());
-    for (cell, measured) in plan.cells.iter().zip(measured) {
-        if let Measured::Cost(cost) = measured {
-            table.add_row([&[cell.row.clone()][..], &report::cost_row(cost)].concat());
-        }
-    }
-    say!("{table}")?;
-    report::cpu(measured).map_or(Ok(()), |cpu| say!("On one thread of {cpu}."))
 }

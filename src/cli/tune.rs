@@ -23,8 +23,9 @@ const MAX_CONFIGS: usize = 1000;
 ///
 /// Models are trained on some sequences and answer the others. Without --try each opinion tries what it has to try, one
 /// parameter after the other, answering alone; then the combinations of opinions that --effort has are tried. With --try
-/// every combination of the values is. The rate of the best is flattering, since it was chosen by it: measure it on
-/// sequences that had no part in this, with `validate --config` or `evaluate`.
+/// every combination of the values is. Of equal rates the configured values are taken, or else the cheaper ones. The rate of
+/// the best is flattering, since it was chosen by it: measure it on sequences that had no part in this, with
+/// `validate --config` or `evaluate`.
 #[derive(Args)]
 pub(super) struct TuneArgs {
     #[command(flatten)]
@@ -76,6 +77,17 @@ struct Tried {
     mean_by_place: Option<Summary>,
     /// Why it cannot be trained, if so.
     impossible: Option<String>,
+    /// Whether it is what was written.
+    taken: bool,
+}
+
+/// Which one is taken of some that were tried, by their indices.
+struct Choice {
+    taken: usize,
+    /// All that have its rate, in their order; it is one of them.
+    equal: Vec<usize>,
+    /// Why it is taken of these.
+    reason: &'static str,
 }
 
 /// Tries what there is to try, prints it, and writes the best.
@@ -99,19 +111,25 @@ pub(super) fn run(args: &TuneArgs) -> anyhow::Result<()> {
     let candidates = if grid.is_empty() { args.config.candidates(&dataset)? } else { Vec::new() };
     let n_steps = grid.len() + n_tries(&candidates);
     let bar = output::progress("trying", n_steps);
-    let mut tuner = Tuner { args, dataset: &dataset, camera, described: None, bar, tried: Vec::new() };
-    let best =
-        if candidates.is_empty() { tuner.best_of_all(grid)? } else { tuner.best_of_opinions(&candidates)? };
+    let (described, tried, choices) = (None, Vec::new(), Vec::new());
+    let mut tuner = Tuner { args, dataset: &dataset, camera, described, bar, tried, choices };
+    let taken = if candidates.is_empty() {
+        let base = args.config.read()?;
+        tuner.best_of_all(grid, Some(&base))?
+    } else {
+        tuner.best_of_opinions(&candidates)?
+    };
     tuner.bar.finish_and_clear();
-    let Some(best) = best else {
+    let Some(taken) = taken else {
         let reason = tuner.tried.iter().find_map(|tried| tried.impossible.as_deref());
         bail!("nothing of this can be trained: {}", reason.unwrap_or("nothing was tried"));
     };
-    write_new(&args.output, &toml::to_string_pretty(&best.trial.config)?)?;
+    tuner.tried[taken].taken = true;
+    write_new(&args.output, &toml::to_string_pretty(&tuner.tried[taken].trial.config)?)?;
     if args.json {
         say!("{}", serde_json::to_string_pretty(&tuner.tried)?)?;
     } else {
-        print(&tuner.tried, &best, &args.output)?;
+        print(&tuner.tried, &tuner.choices, &args.output)?;
     }
     Ok(())
 }
@@ -156,11 +174,13 @@ struct Tuner<'a> {
     described: Option<(Config, Described)>,
     bar: ProgressBar,
     tried: Vec<Tried>,
+    /// What was taken of what, the last of all at the end.
+    choices: Vec<Choice>,
 }
 
 impl Tuner<'_> {
-    /// The best of these, the first of equal ones; none where nothing can be trained.
-    fn best_of_all(&mut self, trials: Vec<Trial>) -> anyhow::Result<Option<Tried>> {
+    /// The index of the best of these; `usual` is preferred to others that do as well. None where nothing can be trained.
+    fn best_of_all(&mut self, trials: Vec<Trial>, usual: Option<&Config>) -> anyhow::Result<Option<usize>> {
         let first = self.tried.len();
         for trial in trials {
             self.bar.set_message(trial.name());
@@ -172,12 +192,15 @@ impl Tuner<'_> {
             self.tried.push(tried);
             self.bar.inc(1);
         }
-        Ok(best_of(&self.tried[first..]).cloned())
+        let choice = choose(&self.tried, first, usual);
+        let taken = choice.as_ref().map(|choice| choice.taken);
+        self.choices.extend(choice);
+        Ok(taken)
     }
 
     /// The best of some candidates, after each of their opinions has tried what there is to try, one parameter after the
     /// other.
-    fn best_of_opinions(&mut self, candidates: &[Candidate]) -> anyhow::Result<Option<Tried>> {
+    fn best_of_opinions(&mut self, candidates: &[Candidate]) -> anyhow::Result<Option<usize>> {
         let Some(all) = all_opinions(candidates) else { return Ok(None) };
         let mut chosen: BTreeMap<&String, Vec<String>> = BTreeMap::new();
         for (name, opinion) in &all.opinions {
@@ -186,12 +209,11 @@ impl Tuner<'_> {
                 let with = |value: &&str| {
                     self.args.trial(&alone, vec![format!("opinions.{name}.{parameter}={value}")])
                 };
-                let mut trials: Vec<Trial> = values.iter().map(with).collect::<anyhow::Result<_>>()?;
-                // Where others do as well, what is stays.
-                trials.sort_by_key(|trial| trial.config != alone);
-                if let Some(best) = self.best_of_all(trials)? {
-                    alone = best.trial.config;
-                    chosen.entry(name).or_default().extend(best.trial.parameters);
+                let trials = values.iter().map(with).collect::<anyhow::Result<_>>()?;
+                if let Some(taken) = self.best_of_all(trials, Some(&alone))? {
+                    let Trial { config, parameters, .. } = self.tried[taken].trial.clone();
+                    alone = config;
+                    chosen.entry(name).or_default().extend(parameters);
                 }
             }
         }
@@ -202,7 +224,7 @@ impl Tuner<'_> {
             Ok(Trial { candidate: Some(candidate.name.clone()), ..trial })
         };
         let trials = candidates.iter().map(with_chosen).collect::<anyhow::Result<_>>()?;
-        self.best_of_all(trials)
+        self.best_of_all(trials, None)
     }
 
     fn measure(&mut self, trial: Trial) -> anyhow::Result<Tried> {
@@ -235,20 +257,49 @@ impl Tuner<'_> {
             means.extend(evaluation.mean_by_place);
         }
         let (rate, mean_by_place) = (Summary::of(&rates), Summary::of(&means));
-        Ok(Tried { trial, rate, mean_by_place, impossible: None })
+        Ok(Tried { trial, rate, mean_by_place, impossible: None, taken: false })
     }
 }
 
 impl Tried {
     fn impossible(trial: Trial, error: &TrainError) -> Self {
-        Self { trial, rate: None, mean_by_place: None, impossible: Some(error.to_string()) }
+        Self { trial, rate: None, mean_by_place: None, impossible: Some(error.to_string()), taken: false }
     }
 }
 
-/// The highest mean rate, the first of equal ones; none where nothing could be trained.
-fn best_of(tried: &[Tried]) -> Option<&Tried> {
-    let rated = tried.iter().filter_map(|tried| Some((tried, tried.rate?.mean))).rev();
-    rated.max_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(tried, _)| tried)
+/// Of those from `first` on the one with the highest mean rate. Of equal ones it is `usual`; else the cheapest, or the first
+/// candidate, since these stand in the order of preference. None where nothing could be trained.
+fn choose(tried: &[Tried], first: usize, usual: Option<&Config>) -> Option<Choice> {
+    let mean = |idx: usize| tried[idx].rate.map_or(f64::MIN, |rate| rate.mean);
+    let rated: Vec<usize> = (first..tried.len()).filter(|&idx| tried[idx].rate.is_some()).collect();
+    let best = rated.iter().map(|&idx| mean(idx)).reduce(f64::max)?;
+    // Means of the same rates in another order differ in their last bits.
+    let equal: Vec<usize> = rated.into_iter().filter(|&idx| best - mean(idx) < 1e-9).collect();
+    if let Some(&taken) = equal.iter().find(|&&idx| Some(&tried[idx].trial.config) == usual) {
+        return Some(Choice { taken, equal, reason: "it is what is configured" });
+    }
+    let &first = equal.first()?;
+    if tried[first].trial.candidate.is_some() {
+        return Some(Choice { taken: first, equal, reason: "it comes first in the order of preference" });
+    }
+    let cheaper = |&&a: &&usize, &&b: &&usize| cost(&tried[a].trial).total_cmp(&cost(&tried[b].trial));
+    let &taken = equal.iter().min_by(cheaper)?;
+    let is_cheapest = equal.iter().any(|&idx| cost(&tried[idx].trial) > cost(&tried[taken].trial));
+    let reason =
+        if is_cheapest { "it is the cheapest or simplest" } else { "it comes first, and none is cheaper" };
+    Some(Choice { taken, equal, reason })
+}
+
+/// How much a trial costs against others of the same parameters: time and memory grow with their values, but fall with
+/// thresholds and steps. What is no number costs the same.
+fn cost(trial: &Trial) -> f64 {
+    let factor = |parameter: &String| {
+        let (name, value) = parameter.split_once('=')?;
+        let value: f64 = value.trim().parse().ok()?;
+        let falls = name.contains("threshold") || name.ends_with("step");
+        Some(if falls { -value } else { value })
+    };
+    trial.parameters.iter().filter_map(factor).sum()
 }
 
 fn write_new(path: &Path, text: &str) -> anyhow::Result<()> {
@@ -256,7 +307,7 @@ fn write_new(path: &Path, text: &str) -> anyhow::Result<()> {
     write().with_context(|| path.display().to_string())
 }
 
-fn print(tried: &[Tried], best: &Tried, output: &Path) -> anyhow::Result<()> {
+fn print(tried: &[Tried], choices: &[Choice], output: &Path) -> anyhow::Result<()> {
     let mut table = output::table(["", "mean", "std", "by room"]);
     let digits = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4}"));
     for tried in tried {
@@ -273,16 +324,76 @@ fn print(tried: &[Tried], best: &Tried, output: &Path) -> anyhow::Result<()> {
             say!("{}: cannot be trained, {reason}", tried.trial.name())?;
         }
     }
-    let Trial { candidate, parameters, .. } = &best.trial;
+    for choice in choices.iter().filter(|choice| choice.equal.len() > 1) {
+        say!("{}", choice.text(tried))?;
+    }
+    let Some(last) = choices.last() else { return Ok(()) };
+    let Trial { candidate, parameters, .. } = &tried[last.taken].trial;
     let words: Vec<&str> = candidate.iter().chain(parameters).map(String::as_str).collect();
-    say!("\nBest: {}. {} holds it, for --config.", words.join(" "), output.display())?;
+    let word = if last.equal.len() > 1 { "Taken" } else { "Best" };
+    say!("\n{word}: {}. {} holds it, for --config.", words.join(" "), output.display())?;
     say!("Its rate is flattering: measure it on sequences that had no part in this.")?;
     Ok(())
+}
+
+impl Choice {
+    /// Which do equally well, and why one of them is taken.
+    fn text(&self, tried: &[Tried]) -> String {
+        let equal: Vec<String> = self.equal.iter().map(|&idx| tried[idx].trial.name()).collect();
+        let taken = tried[self.taken].trial.name();
+        format!("Equal rates: {}. Taken is {taken}: {}.", equal.join(", "), self.reason)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Trials of these parameters with these rates; without any they cannot be trained.
+    fn tried(trials: &[(&str, Option<f64>)]) -> Vec<Tried> {
+        let args = ConfigArgs::of_parameters(&[]);
+        let base = args.read().unwrap();
+        let of = |&(parameters, rate): &(&str, Option<f64>)| {
+            let parameters: Vec<String> = parameters.split(' ').map(str::to_owned).collect();
+            let trial = Trial { candidate: None, config: args.with(&base, &parameters).unwrap(), parameters };
+            let rate = rate.and_then(|rate| Summary::of(&[rate]));
+            Tried { trial, rate, mean_by_place: None, impossible: None, taken: false }
+        };
+        trials.iter().map(of).collect()
+    }
+
+    #[test]
+    fn of_equal_rates_the_configured_or_the_cheaper_one_is_taken_and_all_are_named() {
+        let usual = ConfigArgs::of_parameters(&[]).read().unwrap();
+        let chosen = |trials: &[(&str, Option<f64>)], usual: Option<&Config>| {
+            let tried = tried(trials);
+            choose(&tried, 0, usual).map(|choice| choice.text(&tried))
+        };
+        let equal = [
+            ("classifier.c=10", Some(0.9)),
+            ("classifier.c=1", Some(0.9)),
+            ("classifier.c=0.1", Some(0.9)),
+            ("classifier.c=3", Some(0.8)),
+            ("classifier.c=5", None),
+        ];
+        let text = |taken| {
+            format!("Equal rates: classifier.c=10, classifier.c=1, classifier.c=0.1. Taken is {taken}.")
+        };
+        let configured = text("classifier.c=1: it is what is configured");
+        assert_eq!(chosen(&equal, Some(&usual)), Some(configured));
+        assert_eq!(chosen(&equal, None), Some(text("classifier.c=0.1: it is the cheapest or simplest")));
+
+        // A higher threshold finds less.
+        let thresholds =
+            [("detector.threshold.fixed=20", Some(0.9)), ("detector.threshold.fixed=40", Some(0.9))];
+        assert!(chosen(&thresholds, None).unwrap().contains("Taken is detector.threshold.fixed=40"));
+        assert_eq!(chosen(&equal[4..], Some(&usual)), None);
+
+        // Candidates stand in the order of preference, whatever was taken for them.
+        let mut candidates = tried(&equal[..3]);
+        candidates.iter_mut().for_each(|tried| tried.trial.candidate = Some(tried.trial.parameters.concat()));
+        assert_eq!(choose(&candidates, 1, None).unwrap().taken, 1);
+    }
 
     #[test]
     fn what_is_tried_by_default_fits_the_opinion() {

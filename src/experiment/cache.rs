@@ -13,7 +13,7 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// Uses, or makes, the folder.
+    /// Uses the folder, and makes it where there is none.
     pub fn open(folder: &Path) -> Result<Self, ExperimentError> {
         fs::create_dir_all(folder)
             .map_err(|source| ExperimentError::Write { path: folder.to_owned(), source })?;

@@ -6,6 +6,7 @@ use crate::dataset::cold::{DrivenPath, Illumination, Part, SequenceName};
 use crate::dataset::{Dataset, Described};
 use crate::image::{Image, Limits};
 use crate::model::{Config, Extractor};
+use crate::simulate::Wall;
 use crate::validate;
 use std::collections::BTreeMap;
 use std::fs;
@@ -110,6 +111,12 @@ impl Drives {
 }
 
 impl Drive {
+    /// The walls round it, where its lab is simulated.
+    pub fn walls(&self) -> Vec<Wall> {
+        let frame = self.dataset.frames.first();
+        frame.and_then(|frame| frame.path.ancestors().nth(2)).map(Wall::read).unwrap_or_default()
+    }
+
     /// Finds and describes the keypoints of all frames, of which some may be hidden.
     pub fn describe(&self, config: &Config, occlusion: Occlusion) -> Result<Described, ExperimentError> {
         let camera = Camera { mask: occlusion.mask(), ..self.camera.clone() };

@@ -20,7 +20,10 @@ pub struct Plan {
     pub source: &'static str,
     /// How its chart looks.
     pub chart: Chart,
+    /// What its rows are, with the unit where they are numbers.
+    pub rows_are: &'static str,
     /// What the paper prints besides the figures that stand beside cells, of COLD.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub printed: Option<&'static str>,
     /// What is done otherwise than in the paper.
     pub differences: Vec<&'static str>,
@@ -34,7 +37,7 @@ pub struct Plan {
 pub enum Chart {
     /// A group of bars a row, a bar a column.
     Bars,
-    /// A line a column over the rows.
+    /// A line a column over the parameter of the rows.
     Lines,
     /// They are not.
     Table,
@@ -47,6 +50,9 @@ pub struct Cell {
     pub row: String,
     /// Its column.
     pub column: String,
+    /// What the row says, where it is a number.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parameter: Option<f64>,
     /// The parameters.
     #[serde(skip)]
     pub config: Config,
@@ -54,6 +60,7 @@ pub struct Cell {
     #[serde(skip)]
     pub work: Work,
     /// The rate that the paper prints, of COLD.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub printed: Option<f64>,
 }
 
@@ -119,9 +126,12 @@ impl Experiment {
             Self::Geographic => Ok(ullah::geographic(drives, base)),
             Self::Categorical => ullah::categorical(drives, base),
         }
-        .and_then(|plan| {
+        .and_then(|mut plan| {
             if plan.cells.is_empty() {
                 return Err(self.missing("drives that fit together", drives));
+            }
+            if self.paper().is_some_and(|paper| !paper.is_on(drives)) {
+                plan.forget_printed();
             }
             plan.cells.iter().try_for_each(|cell| self.check(cell, drives))?;
             Ok(plan)
@@ -163,6 +173,7 @@ fn cell(row: &str, column: &str, train: &[usize], test: usize, config: Config) -
     Cell {
         row: row.to_owned(),
         column: column.to_owned(),
+        parameter: None,
         config,
         work: Work::Rate {
             splits: vec![Split { train: train.to_vec(), test: vec![test] }],
@@ -185,6 +196,12 @@ fn quickly_calibrated(mut config: Config) -> Config {
 }
 
 impl Plan {
+    /// Leaves out what the paper prints: figures of other frames.
+    pub fn forget_printed(&mut self) {
+        self.printed = None;
+        self.cells.iter_mut().for_each(|cell| cell.printed = None);
+    }
+
     /// The names of the rows and of the columns, in the order in which they first occur.
     pub(super) fn axes(&self) -> (Vec<&str>, Vec<&str>) {
         let in_order = |name: fn(&Cell) -> &str| {

@@ -1,12 +1,21 @@
-//! Measured plans as one HTML file that needs no network, and as JSON.
+//! Measured plans as one HTML file that needs no network, as tables for papers, and as JSON.
 
 mod chart;
+mod map;
+mod table;
+mod tables;
 
-use super::{Cell, Chart, Cost, Drives, Experiment, KeypointCounts, Matches, Measured, Plan, Rates};
-use crate::evaluate::{Evaluation, Summary};
+pub use table::{Table, Value};
+
+use super::paper::{COLD, Paper};
+use super::{Cell, Chart, Drives, Experiment, Measured, Plan};
 use crate::page::{escape, page};
 use serde::Serialize;
-use std::fmt::Write;
+use std::collections::BTreeSet;
+use std::rc::Rc;
+
+/// The folder of the tables' files, beside the page that links to them.
+pub const TABLES_FOLDER: &str = "tables";
 
 /// A plan and the figures of its cells, in their order.
 #[derive(Serialize)]
@@ -15,21 +24,72 @@ pub struct Entry {
     pub plan: Plan,
     /// What came out.
     pub measured: Vec<Measured>,
+    /// Whether the frames are simulated.
+    #[serde(skip)]
+    pub simulated: bool,
+    /// The drives that it was done on.
+    #[serde(skip)]
+    pub drives: Rc<Drives>,
+}
+
+/// What made a report, for whoever wants to make it again: nothing of the machine.
+#[derive(Serialize)]
+pub struct Origin {
+    /// The version of roomsight.
+    pub roomsight: &'static str,
+    /// The digest of its sources that answers depend on.
+    pub sources: &'static str,
+    /// The command line.
+    pub command: String,
+    /// When it was finished, in UTC.
+    pub created: String,
 }
 
 /// What a report is about.
 #[derive(Serialize)]
 pub struct Report<'a> {
+    /// What made it.
+    pub origin: Origin,
     /// Whether the frames are simulated: then no figure of a paper stands beside its own.
     pub simulated: bool,
-    /// Every figure is over this many seeds.
+    /// The most seeds that a figure is over, from seed 0 on.
     pub n_seeds: u64,
     /// Every which frame of a drive was taken.
     pub stride: usize,
-    /// The drives.
-    pub drives: Vec<String>,
+    /// What was measured on.
+    pub data: Data,
     /// The experiments.
     pub entries: &'a [Entry],
+}
+
+/// The frames of all experiments.
+#[derive(Serialize)]
+pub struct Data {
+    /// The drives, sorted.
+    pub drives: Vec<String>,
+    /// How many frames of them were taken, of all cameras.
+    pub n_frames: usize,
+    /// The digest (BLAKE3) of these frames, of their rooms and positions, and of the cameras.
+    pub blake3: String,
+}
+
+impl Data {
+    /// Of all drives of the entries; those of one camera follow each other.
+    pub fn of(entries: &[Entry]) -> Self {
+        let mut cameras: Vec<&Rc<Drives>> = entries.iter().map(|entry| &entry.drives).collect();
+        cameras.dedup_by(|later, earlier| Rc::ptr_eq(later, earlier));
+        let drives = || cameras.iter().flat_map(|drives| drives.iter());
+        let mut hasher = blake3::Hasher::new();
+        drives().for_each(|drive| {
+            hasher.update(drive.digest.as_bytes());
+        });
+        let names: BTreeSet<&String> = drives().map(|drive| &drive.sequence).collect();
+        Self {
+            drives: names.into_iter().cloned().collect(),
+            n_frames: drives().map(|drive| drive.dataset.frames.len()).sum(),
+            blake3: hasher.finalize().to_hex().to_string(),
+        }
+    }
 }
 
 impl Report<'_> {
@@ -38,79 +98,106 @@ impl Report<'_> {
         serde_json::to_string_pretty(self)
     }
 
-    /// The report for people. `drives` are those of the experiments.
-    pub fn to_html(&self, drives: &Drives) -> String {
+    /// The report for people.
+    pub fn to_html(&self) -> String {
         let kind = if self.simulated { "simulated frames" } else { "COLD" };
-        let mut body = format!(
-            "<h1>Experiments on {kind}</h1>\n<p>Shares of frames answered with the right room: mean \u{b1} standard \
-             deviation over {} seeds, the best in parentheses. {} of {} drives.{}</p>\n",
-            self.n_seeds,
-            if self.stride == 1 { "All frames".to_owned() } else { format!("One frame in {}", self.stride) },
-            self.drives.len(),
-            if self.simulated {
-                " The frames are simulated: the figures of the papers, which are of the COLD database, cannot be \
-                 compared with them and are left out."
-            } else {
-                " Below each figure: what the paper prints."
-            },
-        );
-        self.entries.iter().for_each(|entry| body += &self.section(entry, drives));
+        let mut body = format!("<h1>Experiments on {kind}</h1>\n<p>");
+        body += if self.simulated {
+            "The frames are simulated: the figures of the papers, which are of the COLD database, cannot be compared \
+             with these and are left out."
+        } else {
+            "The figures of the papers are of the COLD database. They stand beside these where lab and camera are theirs."
+        };
+        body += "</p>\n";
+        body += &(self.facts() + &self.references() + &self.contents());
+        self.entries.iter().for_each(|entry| body += &self.section(entry));
         page(&format!("roomsight: experiments on {kind}"), &body)
     }
 
-    fn section(&self, entry: &Entry, drives: &Drives) -> String {
-        let Entry { plan, measured } = entry;
+    /// What it takes to make it again.
+    fn facts(&self) -> String {
+        let Self { origin, data, .. } = self;
+        let frames = match self.stride {
+            1 => "all their frames".to_owned(),
+            stride => format!("of each drive one frame in {stride} (--stride or --quick)"),
+        };
+        let seeds = match self.n_seeds {
+            1 => "0".to_owned(),
+            n_seeds => format!("0 to {}; one run where nothing is random", n_seeds - 1),
+        };
+        let facts = [
+            ("roomsight", format!("{}, digest of its sources {}", origin.roomsight, origin.sources)),
+            ("command", origin.command.clone()),
+            ("finished (UTC)", origin.created.clone()),
+            ("drives", format!("{}: {}", data.drives.len(), data.drives.join(", "))),
+            ("frames", format!("{} of all cameras: {frames}", data.n_frames)),
+            (
+                "digest of the data",
+                format!("{} (BLAKE3 of frames, rooms, positions and cameras)", data.blake3),
+            ),
+            ("seeds", seeds),
+        ];
+        let row = |(name, fact): (&str, String)| format!("<dt>{name}</dt><dd>{}</dd>\n", escape(&fact));
+        format!("<dl>\n{}</dl>\n", facts.map(row).concat())
+    }
+
+    /// Whose experiments these are.
+    fn references(&self) -> String {
+        let papers: BTreeSet<Paper> =
+            self.entries.iter().filter_map(|entry| entry.plan.experiment.paper()).collect();
+        let item = |citation: &str| format!("<li>{}.</li>\n", escape(citation));
+        let items: String = papers.into_iter().map(Paper::citation).chain([COLD]).map(item).collect();
+        format!("<section><h2>Papers</h2>\n<ul>\n{items}</ul></section>\n")
+    }
+
+    fn contents(&self) -> String {
+        let item = |Entry { plan, .. }: &Entry| {
+            let (id, title) = (plan.experiment, escape(&plan.title));
+            format!(
+                "<li><a href=\"#{id}\">{title}</a> <span class=\"source\">{}</span></li>\n",
+                escape(plan.source)
+            )
+        };
+        let items: String = self.entries.iter().map(item).collect();
+        format!("<section><h2>Contents</h2>\n<nav><ol>\n{items}</ol></nav></section>\n")
+    }
+
+    fn section(&self, entry: &Entry) -> String {
+        let Entry { plan, measured, drives, .. } = entry;
         let mut html = format!(
-            "<section><h2>{}</h2>\n<p class=\"source\">{}</p>\n",
+            "<section id=\"{}\"><h2>{}</h2>\n<p class=\"source\">{}</p>\n",
+            plan.experiment,
             escape(&plan.title),
             escape(plan.source)
         );
-        html += &match (plan.experiment, plan.chart) {
-            (Experiment::Keypoints, _) => keypoint_table(plan, measured),
-            (Experiment::Cost, _) => cost_table(plan, measured),
-            (_, Chart::Table) => self.figure_table(plan, measured),
-            (_, Chart::Bars) => self.figure_table(plan, measured) + &chart::bars(plan, measured),
-            (_, Chart::Lines) => self.figure_table(plan, measured) + &chart::lines(plan, measured),
+        let tables = entry.tables();
+        let mut tables = tables.iter();
+        html += &tables.next().map(|table| table.to_html(TABLES_FOLDER)).unwrap_or_default();
+        html += &match plan.chart {
+            Chart::Bars => chart::bars(plan, measured),
+            Chart::Lines => chart::lines(plan, measured),
+            Chart::Table => String::new(),
         };
-        let rates = || plan.cells.iter().zip(measured).filter_map(|(cell, one)| Some((cell, one.rates()?)));
-        if plan.experiment == Experiment::Best {
-            rates().for_each(|(cell, rates)| html += &(confusion(cell, rates) + &chart::map(drives, rates)));
-        }
-        if plan.experiment == Experiment::Categorical {
-            rates().for_each(|(cell, rates)| html += &by_place(cell, &rates.best));
+        let mut maps = measured
+            .iter()
+            .filter(|_| plan.experiment == Experiment::Best)
+            .filter_map(|one| Some(map::map(drives, one.rates()?)));
+        for table in tables {
+            html += &format!("<h3>{}</h3>\n{}", escape(&table.title), table.to_html(TABLES_FOLDER));
+            html += &maps.next().unwrap_or_default();
         }
         for reason in impossible(plan, measured) {
             html += &format!("<p class=\"source\">{}</p>\n", escape(&reason));
         }
-        if let Some(printed) = plan.printed.filter(|_| !self.simulated) {
+        if let Some(printed) = plan.printed {
             html += &format!("<p class=\"source\">In the paper: <i>{}</i>.</p>\n", escape(printed));
         }
         if !plan.differences.is_empty() {
-            html += "<p class=\"source\">Otherwise than in the paper: ";
-            html += &plan.differences.iter().map(|text| escape(text)).collect::<Vec<_>>().join("; ");
-            html += ".</p>\n";
+            html += "<p class=\"source\">Otherwise than in the paper:</p>\n<ul class=\"source\">\n";
+            plan.differences.iter().for_each(|text| html += &format!("<li>{}</li>\n", escape(text)));
+            html += "</ul>\n";
         }
         html + "</section>\n"
-    }
-
-    fn figure_table(&self, plan: &Plan, measured: &[Measured]) -> String {
-        table(plan, measured, |cell, measured| {
-            let printed = cell.printed.filter(|_| !self.simulated);
-            let printed = printed.map_or(String::new(), |rate| format!("<br><i>{}</i>", digits(rate)));
-            figure(measured) + &printed
-        })
-    }
-}
-
-/// What stands in a table's cell.
-pub fn figure(measured: &Measured) -> String {
-    match measured {
-        Measured::Rates(rates) => summary(rates.rate.as_ref()),
-        Measured::Matches(Matches { found: [first, second], matched, correct, .. }) => {
-            format!("{first:.0} and {second:.0} found, {matched:.1} matched, {correct:.1} correct")
-        }
-        Measured::Cost(cost) => format!("{:.1} ms", cost.whole_ms),
-        Measured::Impossible { .. } => "-".to_owned(),
     }
 }
 
@@ -121,138 +208,4 @@ pub fn impossible(plan: &Plan, measured: &[Measured]) -> Vec<String> {
         _ => None,
     };
     plan.cells.iter().zip(measured).filter_map(reason).collect()
-}
-
-/// What [`cost_row`] gives.
-pub const COST_COLUMNS: [&str; 7] =
-    ["features", "classification", "whole frame", "training", "model", "words", "support vectors"];
-
-/// What a model costs, as texts.
-pub fn cost_row(cost: &Cost) -> [String; 7] {
-    let [n_words, n_dimensions] = cost.vocabulary;
-    let support_vectors: Vec<String> = cost.n_support_vectors.iter().map(usize::to_string).collect();
-    [
-        format!("{:.1} ms", cost.features_ms),
-        format!("{:.2} ms", cost.classify_ms),
-        format!("{:.1} ms", cost.whole_ms),
-        format!("{:.1} s", cost.training_s),
-        format!("{:.0} kB", cost.model_bytes as f64 / 1000.0),
-        format!("{n_words} x {n_dimensions}"),
-        support_vectors.join(", "),
-    ]
-}
-
-/// `.9876 ± .0012 (.9899)`.
-pub fn summary(summary: Option<&Summary>) -> String {
-    let Some(summary) = summary else { return "-".to_owned() };
-    let std = summary.std.map_or(String::new(), |std| format!(" \u{b1} {}", digits(std)));
-    format!("{}{std} ({})", digits(summary.mean), digits(summary.best))
-}
-
-/// Four digits, the point first.
-fn digits(rate: f64) -> String {
-    let text = format!("{rate:.4}");
-    text.strip_prefix('0').map_or(text.clone(), str::to_owned)
-}
-
-/// What costs were measured on.
-pub fn cpu(measured: &[Measured]) -> Option<&str> {
-    measured.iter().find_map(|measured| match measured {
-        Measured::Cost(cost) => Some(cost.cpu.as_str()),
-        _ => None,
-    })
-}
-
-fn keypoint_table(plan: &Plan, measured: &[Measured]) -> String {
-    table(plan, measured, |_, measured| match measured.rates().map(|rates| rates.keypoints) {
-        Some(KeypointCounts { least, mean, most }) => format!("{mean:.0} ({least} to {most})"),
-        None => figure(measured),
-    })
-}
-
-fn cost_table(plan: &Plan, measured: &[Measured]) -> String {
-    let row = |name: &str, texts: &[String], tag: &str| {
-        let cells: String = texts.iter().map(|text| format!("<{tag}>{}</{tag}>", escape(text))).collect();
-        format!("<tr><th>{}</th>{cells}</tr>\n", escape(name))
-    };
-    let mut html =
-        "<div class=\"wide\"><table>".to_owned() + &row("", &COST_COLUMNS.map(str::to_owned), "th");
-    for (cell, measured) in plan.cells.iter().zip(measured) {
-        if let Measured::Cost(cost) = measured {
-            html += &row(&cell.row, &cost_row(cost), "td");
-        }
-    }
-    html += "</table></div>\n";
-    let Some(cpu) = cpu(measured) else { return html };
-    html + &format!(
-        "<p class=\"source\">Medians over frames, on one thread of {}; training on all threads, from described \
-         frames.</p>\n",
-        escape(cpu)
-    )
-}
-
-fn table(plan: &Plan, measured: &[Measured], content: impl Fn(&Cell, &Measured) -> String) -> String {
-    let (rows, columns) = plan.axes();
-    let mut html = "<div class=\"wide\"><table><tr><th></th>".to_owned();
-    columns.iter().for_each(|column| html += &format!("<th>{}</th>", escape(column)));
-    html += "</tr>\n";
-    for row in rows {
-        html += &format!("<tr><th>{}</th>", escape(row));
-        for column in &columns {
-            let found =
-                plan.cells.iter().zip(measured).find(|(cell, _)| cell.row == row && cell.column == **column);
-            html += &format!(
-                "<td>{}</td>",
-                found.map_or(String::new(), |(cell, measured)| content(cell, measured))
-            );
-        }
-        html += "</tr>\n";
-    }
-    html + "</table></div>\n"
-}
-
-fn confusion(cell: &Cell, rates: &Rates) -> String {
-    let best = &rates.best;
-    let mut html = format!(
-        "<h3>{}, best seed ({})</h3>\n<p class=\"source\">Near room borders {} of {} frames are right, elsewhere {} of \
-         {}.</p>\n<div class=\"wide\"><table><tr><th>shown \\ answered</th>",
-        escape(&cell.name()),
-        rates.best_seed,
-        best.only_border.n_correct,
-        best.only_border.n_frames,
-        best.without_border.n_correct,
-        best.without_border.n_frames,
-    );
-    best.places.iter().for_each(|place| html += &format!("<th>{}</th>", escape(place)));
-    html += "</tr>\n";
-    for (place, counts) in best.places.iter().zip(&best.confusion) {
-        html += &format!("<tr><th>{}</th>", escape(place));
-        counts.iter().for_each(|count| html += &format!("<td>{count}</td>"));
-        html += "</tr>\n";
-    }
-    html + "</table></div>\n"
-}
-
-fn by_place(cell: &Cell, evaluation: &Evaluation) -> String {
-    let mut html = format!("<p>{}: ", escape(&cell.name()));
-    let rates = evaluation
-        .places
-        .iter()
-        .zip(&evaluation.by_place)
-        .filter_map(|(place, rate)| Some(format!("{} {}", escape(place), digits(rate.rate?))));
-    // Writing to a string cannot fail.
-    let _ = write!(html, "{}", rates.collect::<Vec<_>>().join(", "));
-    html + " (best seed)</p>\n"
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn rates_read_as_mean_deviation_and_best() {
-        assert_eq!(summary(Summary::of(&[0.5, 0.75]).as_ref()), ".6250 \u{b1} .1768 (.7500)");
-        assert_eq!(summary(Summary::of(&[1.0]).as_ref()), "1.0000 (1.0000)");
-        assert_eq!(summary(None), "-");
-    }
 }

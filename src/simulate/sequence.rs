@@ -1,5 +1,6 @@
 //! Sequences on disk.
 
+use super::walls::{WALLS_FILE, Wall};
 use super::{CameraKind, SequenceSpec, Simulation};
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
@@ -48,7 +49,7 @@ pub struct SequenceSummary {
 }
 
 impl Simulation {
-    /// Writes the sequence below `root`: the frames of `cameras`, and `localization/places.lst`. Calls
+    /// Writes the sequence below `root`: the frames of `cameras`, `localization/places.lst`, and the walls for maps. Calls
     /// `progress` with the number of frames that were written since the last call.
     ///
     /// A sequence appears under its name when it is complete; what an interrupted run leaves behind ends
@@ -112,7 +113,9 @@ fn write_labels(simulation: &Simulation, folder: &Path) -> Result<(), SimulateEr
     let localization = folder.join("localization");
     fs::create_dir_all(&localization).map_err(failed(&localization))?;
     let path = localization.join("places.lst");
-    fs::write(&path, labels).map_err(failed(&path))
+    fs::write(&path, labels).map_err(failed(&path))?;
+    let path = folder.join(WALLS_FILE);
+    fs::write(&path, Wall::to_csv(&simulation.walls())).map_err(failed(&path))
 }
 
 fn encoded(frame: &RgbImage) -> Result<Vec<u8>, SimulateError> {

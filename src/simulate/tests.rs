@@ -189,6 +189,35 @@ fn a_sequence_on_disk_has_the_layout_of_cold() {
 }
 
 #[test]
+fn walls_have_gaps_where_the_robot_drives_and_come_back_from_their_file() {
+    let simulation = any();
+    let walls = simulation.walls();
+    for frame_idx in 1..simulation.n_frames() {
+        let [before, after] = [frame_idx - 1, frame_idx].map(|idx| simulation.pose(idx));
+        for Wall { from, to } in &walls {
+            // All walls run along an axis: the way crosses one where its ends are on both sides.
+            let [across, along] = if from[1] == to[1] { [1, 0] } else { [0, 1] };
+            let [a, b] = [[before.x, before.y], [after.x, after.y]];
+            let crosses = (a[across] - from[across]) * (b[across] - from[across]) < 0.0;
+            let is_there = from[along].min(to[along]) < a[along] && a[along] < from[along].max(to[along]);
+            assert!(!(crosses && is_there), "frame {frame_idx} goes through {from:?} to {to:?}");
+        }
+    }
+    // Four sides a room at least, and a door more each.
+    assert!(walls.len() > 4 * simulation.scene.plan().rooms.len(), "{}", walls.len());
+
+    let folder = tempfile::tempdir().unwrap();
+    assert!(Wall::read(folder.path()).is_empty());
+    fs::create_dir(folder.path().join("localization")).unwrap();
+    let text = Wall::to_csv(&walls) + "1,2,3\n1,2,3,inf\nabc\n";
+    fs::write(folder.path().join(walls::WALLS_FILE), text).unwrap();
+    let read = Wall::read(folder.path());
+    assert_eq!(read.len(), walls.len());
+    let far = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    assert!(read.iter().zip(&walls).all(|(a, b)| far(a.from, b.from) < 1e-3 && far(a.to, b.to) < 1e-3));
+}
+
+#[test]
 fn a_sequence_is_kept_when_it_is_the_same_and_replaced_when_it_is_not() {
     let root = tempfile::tempdir().unwrap();
     let sparse = SequenceSpec { frames_per_second: 0.05, ..spec(Illumination::Night, 2) };

@@ -384,6 +384,7 @@ fn tuning_writes_a_configuration_that_training_takes() {
         config["opinions"]["bag"]["classifier"]["c"].as_float(),
         Some(if mean(1) > mean(0) { 2.0 } else { 0.5 })
     );
+    assert_eq!(tried[usize::from(mean(1) > mean(0))]["taken"], true);
     done(&["train", &data, "--config", &best, "--output", &path(&folder, "models/rooms/1")]);
 
     assert!(refused(FAILED, &tune).contains("exists already"));

@@ -46,11 +46,23 @@ impl Experiment {
     }
 
     fn lu_plan(self, title: &str, source: &'static str, chart: Chart) -> Plan {
+        let rows_are = match self {
+            Self::Stability | Self::Cost => "features",
+            Self::Keypoints => "detector",
+            Self::Words => "number of words k",
+            Self::Kernels => "kernel",
+            Self::Best => "model",
+            Self::Illumination => "training drives",
+            Self::Occlusion => "hidden part of the frame (%)",
+            Self::Opinions => "opinions and training drive",
+            _ => "features and training drive",
+        };
         Plan {
             experiment: self,
             title: title.to_owned(),
             source,
             chart,
+            rows_are,
             printed: None,
             differences: BAG_DIFFERENCES.to_vec(),
             cells: Vec::new(),
@@ -197,7 +209,7 @@ pub(super) fn cost(drives: &Drives, base: &Config) -> Result<Plan, ExperimentErr
 pub(super) fn keypoints(drives: &Drives, base: &Config) -> Result<Plan, ExperimentError> {
     let experiment = Experiment::Keypoints;
     let train = experiment.lu(drives, &LU_TRAININGS[..1])?[0].0;
-    let mut plan = experiment.lu_plan("Keypoints a frame", "Lu et al., table 2 and figure 5", Chart::Bars);
+    let mut plan = experiment.lu_plan("Keypoints a frame", "Lu et al., table 2 and figure 5", Chart::Table);
     let thresholds =
         [("fixed threshold 20", FastThreshold::Fixed(20)), ("adapting threshold", Fast::default().threshold)];
     for (name, threshold) in thresholds {
@@ -225,7 +237,8 @@ pub(super) fn words(drives: &Drives, base: &Config) -> Result<Plan, ExperimentEr
     for n_words in counts {
         for &(test, tested) in &tests {
             let config = with_words(base, n_words);
-            plan.cells.push(cell(&format!("k = {n_words}"), tested, &[train], test, config));
+            let cell = cell(&format!("k = {n_words}"), tested, &[train], test, config);
+            plan.cells.push(Cell { parameter: Some(n_words as f64), ..cell });
         }
     }
     Ok(plan)
@@ -286,11 +299,12 @@ pub(super) fn occlusion(drives: &Drives, base: &Config) -> Result<Plan, Experime
         [BAG_DIFFERENCES, &["the stripes are eight upright ones; the paper does not say which"]].concat();
     for sixteenths in 0..=8 {
         for &(test, tested) in &tests {
-            let hidden = format!("{}%", f64::from(sixteenths) * 6.25);
+            let percent = f64::from(sixteenths) * 6.25;
+            let hidden = format!("{percent}%");
             let splits = vec![Split { train: vec![train], test: vec![test] }];
             let work = Work::Rate { splits, occlusion: Occlusion { sixteenths } };
-            let cell = Cell { work, ..cell(&hidden, tested, &[train], test, with_words(base, 300)) };
-            plan.cells.push(cell);
+            let cell = cell(&hidden, tested, &[train], test, with_words(base, 300));
+            plan.cells.push(Cell { work, parameter: Some(percent), ..cell });
         }
     }
     Ok(plan)
