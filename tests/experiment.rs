@@ -175,6 +175,8 @@ fn all_experiments_run_on_colds_layout_and_a_second_time_from_what_was_kept() {
     let before = n_answers();
     // Marked as simulated, the frames stand beside no figure of a paper.
     fs::write(data.join("SIMULATED.txt"), "").unwrap();
+    let walls = data.join("cold-saarbruecken/part_b/seq3_cloudy2/localization/walls.csv");
+    fs::write(walls, "x1,y1,x2,y2\n0,0,4,0\n").unwrap();
     let (code, said) = run(&data, &report, "all");
     assert_eq!(code, 0, "{said}");
     assert_eq!(n_answers(), before);

@@ -13,7 +13,7 @@ pub struct Cache {
 }
 
 impl Cache {
-    /// Uses the folder, and makes it where there is none.
+    /// Uses, or makes, the folder.
     pub fn open(folder: &Path) -> Result<Self, ExperimentError> {
         fs::create_dir_all(folder)
             .map_err(|source| ExperimentError::Write { path: folder.to_owned(), source })?;

@@ -87,3 +87,58 @@ fn rate<'m>(plan: &Plan, measured: &'m [Measured], (row, column): (&str, &str)) 
     let found = plan.cells.iter().zip(measured).find(|(cell, _)| cell.row == row && cell.column == column);
     found.and_then(|(_, measured)| measured.rates()?.rate.as_ref())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::super::{Cell, Chart, Experiment, KeypointCounts, Occlusion, Rates, Work};
+    use super::*;
+    use crate::evaluate::Evaluation;
+    use crate::model::Config;
+
+    fn cell(parameter: f64) -> Cell {
+        Cell {
+            row: format!("k = {parameter}"),
+            column: "night1".to_owned(),
+            parameter: Some(parameter),
+            config: Config::default(),
+            work: Work::Rate { splits: Vec::new(), occlusion: Occlusion::default() },
+            printed: None,
+        }
+    }
+
+    fn rates(rate: f64) -> Measured {
+        Measured::Rates(Box::new(Rates {
+            rate: Summary::of(&[rate]),
+            without_border: None,
+            best: Evaluation::new(&[]),
+            best_seed: 0,
+            best_answers: Vec::new(),
+            keypoints: KeypointCounts { least: 0, mean: 0.0, most: 0 },
+        }))
+    }
+
+    #[test]
+    fn numbers_lie_as_far_apart_on_the_axis_as_they_are() {
+        let plan = Plan {
+            experiment: Experiment::Words,
+            title: String::new(),
+            source: "",
+            chart: Chart::Lines,
+            rows_are: "number of words k",
+            printed: None,
+            differences: Vec::new(),
+            // Whatever their order is.
+            cells: [1000.0, 350.0, 400.0].map(cell).to_vec(),
+        };
+        let svg = lines(&plan, &[0.9, 0.5, 0.6].map(rates));
+        let xs: Vec<f64> =
+            svg.split("cx=\"").skip(1).map(|rest| rest.split('"').next().unwrap().parse().unwrap()).collect();
+        let [x350, x400, x1000] = xs[..] else { panic!("{svg}") };
+        assert!(((x1000 - x400) / (x400 - x350) - 12.0).abs() < 0.1, "{xs:?}");
+        for text in
+            ["number of words k</text>", "frames answered right (%)</text>", "k = 400, night1: 60.0 %"]
+        {
+            assert!(svg.contains(text), "{svg}");
+        }
+    }
+}

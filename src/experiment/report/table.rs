@@ -132,7 +132,7 @@ impl Table {
         let line = |cells: &mut dyn Iterator<Item = &str>| {
             cells.map(latex).collect::<Vec<_>>().join(" & ") + " \\\\\n"
         };
-        let mut text = String::new();
+        let mut text = "% Needs the package booktabs.\n".to_owned();
         for remark in [&self.title].into_iter().chain(&self.notes) {
             // A remark ends with its line.
             let words: Vec<&str> = remark.split_whitespace().collect();
@@ -235,7 +235,7 @@ mod tests {
     fn latex_has_the_digits_of_the_page_and_escapes_names() {
         assert_eq!(
             table().to_latex(),
-            "% Rates of R&D\n% Percent.\n\\begin{tabular}{lrr}\n\\toprule\n\
+            "% Needs the package booktabs.\n% Rates of R&D\n% Percent.\n\\begin{tabular}{lrr}\n\\toprule\n\
              shown \\textbackslash{} answered & night\\_1 (\\%) & paper (\\%) \\\\\n\\midrule\n\
              50\\% \\& \\textless{}more\\textgreater{} & 62.5 $\\pm$ 17.7 (75.0) & 93.8 \\\\\n\
              none, \"at all\" & -- & -- \\\\\n\\bottomrule\n\\end{tabular}\n"

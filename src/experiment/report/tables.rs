@@ -3,6 +3,7 @@
 use super::super::{Cell, Cost, Experiment, Matches, Measured, Plan, Rates};
 use super::Entry;
 use super::table::{Column, Table, Value};
+use crate::evaluate::Rate;
 use std::collections::BTreeSet;
 
 impl Entry {
@@ -177,9 +178,9 @@ fn costs(plan: &Plan, measured: &[Measured]) -> Table {
 
 fn confusion(plan: &Plan, cell: &Cell, rates: &Rates) -> Table {
     let best = &rates.best;
-    let near = |(where_, rate): (&str, &crate::evaluate::Rate)| {
+    let right = |(place, rate): (&str, &Rate)| {
         (rate.n_frames > 0)
-            .then(|| format!("{where_}, {} of {} frames are answered right.", rate.n_correct, rate.n_frames))
+            .then(|| format!("{place}, {} of {} frames are answered right.", rate.n_correct, rate.n_frames))
     };
     let borders =
         [("Near room borders", &best.only_border), ("Away from room borders", &best.without_border)];
@@ -194,7 +195,7 @@ fn confusion(plan: &Plan, cell: &Cell, rates: &Rates) -> Table {
             rates.best_seed
         )]
         .into_iter()
-        .chain(borders.into_iter().filter_map(near))
+        .chain(borders.into_iter().filter_map(right))
         .collect(),
         corner: "shown \\ answered".to_owned(),
         columns: best.places.iter().map(Column::single).collect(),
