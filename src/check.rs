@@ -148,8 +148,9 @@ impl Examined<'_> {
             if likely != room {
                 let detail = format!("{likely} {:.2}, {room} {of_room:.2}", recognition.probability());
                 let finding = self.finding(Oddity::Label, answer.sample_idx, detail);
-                let surplus = recognition.probability() - of_room;
-                doubts.push((surplus, Finding { likely_room: Some(likely.clone()), ..finding }));
+                // How many times as probable the other room is.
+                let odds = recognition.probability() / of_room.max(f32::MIN_POSITIVE);
+                doubts.push((odds, Finding { likely_room: Some(likely.clone()), ..finding }));
             }
         }
         doubts.sort_by(|(a, _), (b, _)| b.total_cmp(a));

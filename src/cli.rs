@@ -15,19 +15,23 @@ mod inspect;
 mod key;
 mod limits;
 mod log;
+mod manners;
+mod mistakes;
 mod models;
 mod output;
 mod recognize;
 mod replay;
 mod serve;
 mod service;
+mod shell;
 mod simulate;
 mod train;
 mod tune;
 mod validate;
 
 use crate::network::Runtime;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use manners::Manners;
 use std::ffi::OsStr;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -46,6 +50,8 @@ struct Cli {
     /// folder networks/ beside this program]
     #[arg(long, global = true, value_name = "FILE", env = "ROOMSIGHT_ONNX_RUNTIME")]
     onnx_runtime: Option<PathBuf>,
+    #[command(flatten)]
+    manners: Manners,
     #[command(subcommand)]
     command: Command,
 }
@@ -68,11 +74,14 @@ enum Command {
     Key(key::KeyArgs),
     Health(health::HealthArgs),
     Simulate(simulate::SimulateArgs),
+    Completions(shell::CompletionsArgs),
+    Man(shell::ManArgs),
 }
 
 /// Parses the command line, runs the command, and reports its failure on standard error.
 pub fn main() -> ExitCode {
-    let Cli { onnx_runtime, command } = Cli::parse();
+    let Cli { onnx_runtime, manners, command } = parsed();
+    manners.adopt();
     match onnx_runtime {
         Some(library) => Runtime::name_library(library),
         None => look_beside_the_program(),
@@ -82,10 +91,16 @@ pub fn main() -> ExitCode {
         // Whoever reads the output (`| head`) has seen enough.
         Err(error) if is_broken_pipe(&error) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("roomsight: {}", output::explained(&error));
+            eprintln!("roomsight: {}", mistakes::reworded(&output::explained(&error)));
             if error.is::<output::GateFailed>() { GATE_FAILED.into() } else { ExitCode::FAILURE }
         }
     }
+}
+
+/// The command line; where it is wrong this says so and ends the process.
+fn parsed() -> Cli {
+    let matches = Cli::command().color(Manners::color_of_arguments()).get_matches();
+    Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
 }
 
 /// ONNX Runtime may lie where the program does.
@@ -115,6 +130,8 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Key(args) => key::run(&args),
         Command::Health(args) => health::run(&args),
         Command::Simulate(args) => simulate::run(&args),
+        Command::Completions(args) => shell::complete(&args),
+        Command::Man(args) => shell::write_manual(&args),
     }
 }
 

@@ -78,7 +78,7 @@ pub use listen::serve;
 pub use registry::RegistryError;
 pub use reload::{ReloadError, Reloaded};
 pub use routes::{document, router};
-pub use settings::{LogFormat, Policy, Settings, SettingsError};
+pub use settings::{ENVIRONMENT_PREFIX, LogFormat, Policy, Settings, SettingsError};
 pub use tls::TlsError;
 
 use self::metrics::Metrics;

@@ -1,6 +1,7 @@
 //! Contact sheets: small pictures with what is said of them, as an HTML page in one file.
 
 use super::data;
+use crate::cli::manners::note;
 use crate::image::{Image, Limits};
 use crate::page::{escape, page};
 use anyhow::Context;
@@ -41,7 +42,7 @@ pub(super) struct Card {
 /// Writes a sheet to a new file or over an old one. A picture that cannot be read is an empty place.
 pub(super) fn write(path: &Path, title: &str, sections: &[Section], limits: &Limits) -> anyhow::Result<()> {
     fs::write(path, html(title, sections, limits)).with_context(|| path.display().to_string())?;
-    eprintln!("written: {}", path.display());
+    note!("written: {}", path.display());
     Ok(())
 }
 

@@ -6,6 +6,7 @@ pub(super) use config::ConfigArgs;
 
 use super::output;
 use crate::camera::CameraKind;
+use crate::cli::manners::note;
 use crate::dataset::{self, Dataset, Described, Problem, Tree};
 use crate::image::{Image, Limits};
 use crate::model::{Extractor, LoadedModel, MODEL_FILE, Model};
@@ -189,10 +190,12 @@ pub(super) fn load_model(path: &Path) -> anyhow::Result<LoadedModel> {
         && let Some(version) = highest_version(path)
     {
         let path = path.join(version.to_string());
-        eprintln!("note: taking the highest version, {}", path.display());
+        note!("note: taking the highest version, {}", path.display());
         return load_model(&path);
     }
-    Model::load(path).with_context(|| format!("{} holds no model that can be loaded", path.display()))
+    let is_picture = path.is_file() && path.extension().is_some_and(|ending| ending != "json");
+    let hint = if is_picture { ": the model's folder comes first" } else { "" };
+    Model::load(path).with_context(|| format!("{} holds no model that can be loaded{hint}", path.display()))
 }
 
 /// The highest version of the model whose versions are in a folder, if it is one of such.
@@ -267,7 +270,7 @@ fn some(described: Described, dataset: &Dataset) -> anyhow::Result<Described> {
     }
     let usable: BTreeSet<&str> = described.samples.iter().map(|sample| sample.place.as_str()).collect();
     for place in dataset.places().iter().filter(|place| !usable.contains(place.as_str())) {
-        eprintln!("left out: the room {place}: none of its frames can be used");
+        note!("left out: the room {place}: none of its frames can be used");
     }
     Ok(described)
 }
@@ -282,7 +285,7 @@ pub(super) fn report_all(dataset: &Dataset) {
     report("note", &dataset.notes);
     report("left out", &dataset.problems);
     if dataset.n_unlabeled > 0 {
-        eprintln!("left out: frames that are listed without a room: {}", dataset.n_unlabeled);
+        note!("left out: frames that are listed without a room: {}", dataset.n_unlabeled);
     }
 }
 
@@ -291,10 +294,10 @@ fn report(what: &str, problems: &[Problem]) {
     let kinds = dataset::by_kind(problems);
     let (listed, others) = kinds.split_at(kinds.len().min(N_LISTED_KINDS));
     for kind in listed {
-        eprintln!("{what}: {kind}");
+        note!("{what}: {kind}");
     }
     if !others.is_empty() {
         let n_problems: usize = others.iter().map(|kind| kind.n_problems).sum();
-        eprintln!("{what}: {n_problems} more, for {} other reasons", others.len());
+        note!("{what}: {n_problems} more, for {} other reasons", others.len());
     }
 }

@@ -3,6 +3,7 @@
 use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
 use crate::camera::CameraKind;
+use crate::cli::manners::note;
 use crate::dataset::{self, Dataset};
 use crate::experiment::report::{self, Data, Entry, Origin, Report, Table, Value};
 use crate::experiment::{self, Cache, Drives, Experiment, Paper, Plan};
@@ -166,7 +167,7 @@ impl ExperimentArgs {
             let dataset = match dataset.clone().with_camera(camera) {
                 Ok(dataset) => dataset,
                 Err(error) if self.name == Selection::All => {
-                    eprintln!("left out: {}: {error}", names(&experiments));
+                    note!("left out: {}: {error}", names(&experiments));
                     continue;
                 }
                 Err(error) => return Err(error.into()),
@@ -179,7 +180,7 @@ impl ExperimentArgs {
                     opinions.as_ref().filter(|_| experiment == Experiment::Opinions).unwrap_or(&config);
                 match experiment.plan(&drives, base) {
                     Ok(plan) => all_planned.push(Planned { plan, drives: Rc::clone(&drives) }),
-                    Err(error) if self.name == Selection::All => eprintln!("left out: {error}"),
+                    Err(error) if self.name == Selection::All => note!("left out: {error}"),
                     Err(error) => return Err(error.into()),
                 }
             }

@@ -19,6 +19,9 @@ const PATIENCE: Duration = Duration::from_secs(4);
 pub(super) struct HealthArgs {
     /// The service, such as http://127.0.0.1:8080 [default: the one that the settings let listen on this machine]
     url: Option<String>,
+    /// The same, as other commands take it
+    #[arg(long = "url", value_name = "URL", conflicts_with = "url")]
+    named_url: Option<String>,
     /// The TOML file of settings that the service has
     #[arg(long, value_name = "FILE", env = "ROOMSIGHT_CONFIG")]
     config: Option<PathBuf>,
@@ -26,7 +29,7 @@ pub(super) struct HealthArgs {
 
 /// Asks once, and fails unless the answer is yes.
 pub(super) fn run(args: &HealthArgs) -> anyhow::Result<()> {
-    let base = match &args.url {
+    let base = match args.url.as_ref().or(args.named_url.as_ref()) {
         Some(url) => url.trim_end_matches('/').to_owned(),
         None => url_of(&Settings::load(args.config.as_deref(), environment(), HashMap::new())?),
     };

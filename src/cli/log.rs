@@ -4,15 +4,19 @@ mod lines;
 #[cfg(feature = "otlp")]
 mod otlp;
 
+use super::manners::Manners;
 use crate::server::{LogFormat, Settings};
 use anyhow::Context;
 use lines::Lines;
 use std::fs::File;
-use std::io::{IsTerminal, stderr};
+use std::io::stderr;
 use std::{panic, thread};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{EnvFilter, Layer, Registry, fmt, registry};
+
+/// What `--verbose` logs: more than is said of the service itself, and not what libraries say.
+const VERBOSE: &str = "info,roomsight=debug";
 
 /// The log of this process.
 pub(super) struct Log {
@@ -23,8 +27,8 @@ pub(super) struct Log {
 
 /// Starts the log.
 pub(super) fn start(settings: &Settings) -> anyhow::Result<Log> {
-    let filter: EnvFilter = settings
-        .log_level
+    let level = if Manners::adopted().verbose { VERBOSE } else { &settings.log_level };
+    let filter: EnvFilter = level
         .parse()
         .with_context(|| format!("the setting `log_level` is wrong: {:?}", settings.log_level))?;
     let log = Log {
@@ -35,7 +39,9 @@ pub(super) fn start(settings: &Settings) -> anyhow::Result<Log> {
     let writer = log.lines.clone();
     let lines = fmt::layer().with_writer(move || writer.clone());
     match settings.log_format {
-        LogFormat::Human => log.write(lines.with_target(false).with_ansi(stderr().is_terminal()), filter),
+        LogFormat::Human => {
+            log.write(lines.with_target(false).with_ansi(Manners::adopted().has_color()), filter);
+        }
         LogFormat::Json => log.write(lines.json().flatten_event(true).with_span_list(false), filter),
     }
     log.take_panics();

@@ -1,12 +1,14 @@
 //! What all commands share in what they print: progress bars and tables.
 
+use super::manners::Manners;
 use crate::evaluate::{Evaluation, Knowledge, N_BINS, Rate};
 use crate::model::{Addition, Card};
 use crate::protocol::rest::NetworkInfo;
 use comfy_table::{Table, TableComponent, presets};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::env;
 use std::io;
+use std::ops::Deref;
 use std::path::Path;
 
 /// The most rooms whose confusion matrix fits a screen.
@@ -55,12 +57,39 @@ pub fn quoted(argument: &Path) -> String {
     }
 }
 
-/// A progress bar on standard error for work of `n_steps`; silent when that is no terminal.
-pub fn progress(label: &str, n_steps: usize) -> ProgressBar {
+/// A progress bar on standard error that goes when it is dropped; silent when that is no terminal. With --verbose it leaves a line
+/// that says how long the work took.
+pub struct Progress {
+    bar: ProgressBar,
+    label: String,
+}
+
+impl Deref for Progress {
+    type Target = ProgressBar;
+
+    fn deref(&self) -> &ProgressBar {
+        &self.bar
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+        if Manners::adopted().verbose {
+            eprintln!("{}: {:.1} s", self.label, self.bar.elapsed().as_secs_f64());
+        }
+    }
+}
+
+/// A progress bar for work of `n_steps`.
+pub fn progress(label: &str, n_steps: usize) -> Progress {
+    let target =
+        if Manners::adopted().quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
     let style = ProgressStyle::with_template("{prefix:>20} [{bar:40}] {pos}/{len} {eta} left {wide_msg}");
-    ProgressBar::new(n_steps as u64)
+    let bar = ProgressBar::with_draw_target(Some(n_steps as u64), target)
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "))
-        .with_prefix(label.to_owned())
+        .with_prefix(label.to_owned());
+    Progress { bar, label: label.to_owned() }
 }
 
 /// An empty table in the style of all tables, with this header.

@@ -2,8 +2,9 @@
 
 use super::limits;
 use super::log;
+use super::mistakes::nearest;
 use super::output::say;
-use crate::server::{self, App, ReloadError, Reloaded, Settings};
+use crate::server::{self, App, ENVIRONMENT_PREFIX, ReloadError, Reloaded, Settings};
 use anyhow::{Context, bail};
 use clap::Args;
 use std::collections::HashMap;
@@ -15,6 +16,8 @@ use tokio::net::{TcpListener, TcpSocket};
 
 /// How many connections may wait to be accepted: a fleet that comes back at once. The system may allow fewer.
 const BACKLOG: u32 = 4096;
+/// Variables with the settings' prefix that are none of them.
+const OTHER_VARIABLES: [&str; 2] = ["config", "onnx_runtime"];
 /// The most bytes of answers that the system keeps for a caller who does not read, as far as it can be told.
 const SEND_BUFFER_BYTES: u32 = 256 << 10;
 
@@ -64,6 +67,7 @@ pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
         say!("{}", settings.to_toml()?.trim_end())?;
         return Ok(());
     }
+    misspelled(environment().map(|(name, _)| name));
     let log = log::start(&settings)?;
     let served = serve(args, settings);
     log.end();
@@ -115,6 +119,21 @@ pub(super) fn listen(address: SocketAddr) -> anyhow::Result<TcpListener> {
     listening().with_context(|| format!("cannot listen on {address}; choose another address with --listen"))
 }
 
+/// Names the variables that look like settings and are none. Others put names of their own under our prefix, so that only what is
+/// nearly a setting is told.
+fn misspelled(variables: impl Iterator<Item = String>) {
+    let Ok(settings) = toml::Table::try_from(Settings::default()) else { return };
+    for variable in variables {
+        let Some(name) = variable.strip_prefix(ENVIRONMENT_PREFIX).map(str::to_lowercase) else { continue };
+        if settings.contains_key(&name) || OTHER_VARIABLES.contains(&name.as_str()) {
+            continue;
+        }
+        if let Some(meant) = nearest(&name, settings.keys().map(String::as_str)) {
+            eprintln!("{variable} is no setting; did you mean {ENVIRONMENT_PREFIX}{}?", meant.to_uppercase());
+        }
+    }
+}
+
 fn pair(text: &str) -> Result<(String, String), String> {
     let (name, value) = text.split_once('=').ok_or("it is not NAME=VALUE")?;
     Ok((name.trim().to_owned(), value.trim().to_owned()))
@@ -146,7 +165,12 @@ fn flags(args: &ServeArgs) -> HashMap<String, String> {
 
 /// Where to listen. Without keys others must not reach the service unless that was asked for.
 fn permitted_address(settings: &Settings) -> anyhow::Result<SocketAddr> {
-    let unusable = || format!("the setting `listen` is wrong: {:?} is no HOST:PORT", settings.listen);
+    let unusable = || {
+        format!(
+            "the setting `listen` is wrong: {:?} is no HOST:PORT, such as 127.0.0.1:8080",
+            settings.listen
+        )
+    };
     let address = settings.listen.to_socket_addrs().with_context(unusable)?.next().with_context(unusable)?;
     if settings.keys.is_empty() && !settings.allow_anonymous && !address.ip().is_loopback() {
         bail!(

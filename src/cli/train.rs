@@ -8,6 +8,7 @@ mod verdict;
 use super::data::{self, ConfigArgs, DataArgs, LimitArgs};
 use super::models::{self, CacheArgs, Local};
 use super::output::{self, GateFailed, say};
+use crate::cli::manners::note;
 use crate::dataset::{Dataset, Described};
 use crate::evaluate::Evaluation;
 use crate::image::Limits;
@@ -283,7 +284,7 @@ impl<'a> Destination<'a> {
         match Model::load(&repository.folder(&id)?) {
             Ok(loaded) => Ok(Comparison::new((&id.to_string(), &loaded.model), trained, answers, limits)),
             Err(error) => {
-                eprintln!("note: not compared with {id}, which serves: {error}");
+                note!("note: not compared with {id}, which serves: {error}");
                 Ok(None)
             }
         }
@@ -320,7 +321,7 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
     let training = with_progress(|progress| {
         let preferred = train_preferred(&samples, &candidates, &camera, progress)?;
         for LeftOut { opinion, reason } in &preferred.left_out {
-            eprintln!("left out: the opinion {opinion}: {reason}");
+            note!("left out: the opinion {opinion}: {reason}");
         }
         choice = Some(preferred.choice);
         Ok(preferred.training)
@@ -378,7 +379,7 @@ fn learning_curve(trained: &Trained) -> Option<LearningCurve> {
     match curve {
         Ok(curve) => curve,
         Err(error) => {
-            eprintln!("note: how much more frames would help cannot be told: {error}");
+            note!("note: how much more frames would help cannot be told: {error}");
             None
         }
     }

@@ -9,7 +9,6 @@ use crate::model::{Candidate, Config, Extractor, OpinionConfig, TrainError, Trie
 use crate::validate::{self, Method, Protocol};
 use anyhow::{Context, bail};
 use clap::Args;
-use indicatif::ProgressBar;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
@@ -172,7 +171,7 @@ struct Tuner<'a> {
     camera: Camera,
     /// The frames as the last configuration described them.
     described: Option<(Config, Described)>,
-    bar: ProgressBar,
+    bar: output::Progress,
     tried: Vec<Tried>,
     /// What was taken of what, the last of all at the end.
     choices: Vec<Choice>,

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// The prefix of the environment's names: `ROOMSIGHT_QUEUE` sets `queue`.
-const ENVIRONMENT_PREFIX: &str = "ROOMSIGHT_";
+pub const ENVIRONMENT_PREFIX: &str = "ROOMSIGHT_";
 /// The longest life of a session, in milliseconds.
 const MAX_SESSION_MS: u64 = 30 * 24 * 3_600_000;
 

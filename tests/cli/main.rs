@@ -5,6 +5,7 @@
 mod check;
 mod data;
 mod defaults;
+mod manners;
 mod models;
 
 use serde_json::Value;

@@ -2,6 +2,8 @@
 
 use super::read_image;
 use crate::camera::{Camera, CameraKind, Mask, Projection};
+use crate::cli::manners::note;
+use crate::cli::mistakes::nearest;
 use crate::dataset::Dataset;
 use crate::image::Limits;
 use crate::model::{
@@ -89,7 +91,7 @@ impl ConfigArgs {
         let effort = Effort::from(self.effort);
         let has_network = self.onnx_path(DEFAULT_NETWORK).is_file();
         if !has_network && effort != Effort::Fast {
-            eprintln!(
+            note!(
                 "note: there is no network in {}, with which up to twice as many frames are answered right: \
                  `make networks` fetches one",
                 self.networks.display()
@@ -168,6 +170,7 @@ impl ConfigArgs {
                 table.remove(OPINIONS);
             }
             merge(&mut table, spelled_out(file)?);
+            table.clone().try_into::<Config>().with_context(|| path.display().to_string())?;
         }
         let config = self.promising(self.with_wanted_opinions(changed(table, &self.parameters)?));
         if let Some(name) = self.opinions.iter().find(|name| !config.opinions.contains_key(*name)) {
@@ -223,11 +226,41 @@ impl ConfigArgs {
 /// The configuration that a table becomes by these parameters, one after the other.
 fn changed(mut table: toml::Table, parameters: &[String]) -> anyhow::Result<Config> {
     for parameter in parameters {
+        let before = table.clone();
         merge(&mut table, spelled_out(parse_parameter(parameter)?)?);
+        let config = table.try_into::<Config>();
+        let config = config.with_context(|| format!("--set {parameter}{}", hint(&before, parameter)))?;
         // Another variant brings its own parameters, which the next change may name.
-        table = toml::Table::try_from(table.try_into::<Config>()?)?;
+        table = toml::Table::try_from(config)?;
     }
     Ok(table.try_into()?)
+}
+
+/// Which parameter may have been meant by one that is not there: one whose last part has that name, or nearly.
+fn hint(table: &toml::Table, parameter: &str) -> String {
+    let name = parameter.split('=').next().unwrap_or_default().trim();
+    let mut paths = Vec::new();
+    add_paths(table, "", &mut paths);
+    let of_bag = format!("{OPINIONS}.{BAG}.");
+    let paths: Vec<&str> = paths.iter().map(|path| path.strip_prefix(&of_bag).unwrap_or(path)).collect();
+    if paths.contains(&name) {
+        return String::new();
+    }
+    let last = |path: &'_ str| path.rsplit('.').next().unwrap_or_default().to_owned();
+    let same = paths.iter().copied().find(|path| last(path) == last(name));
+    let meant = same.or_else(|| nearest(name, paths.iter().copied()));
+    meant.map_or_else(String::new, |meant| format!(" (did you mean {meant}?)"))
+}
+
+/// The dotted names of all values in a table.
+fn add_paths(table: &toml::Table, prefix: &str, paths: &mut Vec<String>) {
+    for (name, value) in table {
+        let path = format!("{prefix}{name}");
+        match value {
+            toml::Value::Table(inner) => add_paths(inner, &format!("{path}."), paths),
+            _ => paths.push(path),
+        }
+    }
 }
 
 /// Reads `a.b.c=value` as the table it would be in a file. A value that is no TOML is a string.

@@ -1,6 +1,7 @@
 //! Models in a repository, changed without a service.
 
 use super::Target;
+use crate::cli::manners::note;
 use crate::model::{LoadedModel, Model, NetworkEntry, NetworkStore, TriedModel, try_model};
 use crate::protocol::rest::{ModelInfo, NetworkInfo, VersionInfo, VersionState};
 use crate::repository::package::{Limits, copy, unpack};
@@ -119,7 +120,7 @@ impl Local {
 
     pub(super) fn list(&self) -> anyhow::Result<Vec<ModelInfo>> {
         let scan = self.0.scan()?;
-        scan.foreign.iter().for_each(|foreign| eprintln!("left alone: {foreign}"));
+        scan.foreign.iter().for_each(|foreign| note!("left alone: {foreign}"));
         Ok(scan.models.keys().filter_map(|name| model_info(name, &scan)).collect())
     }
 
