@@ -4,15 +4,25 @@ use super::manners::Manners;
 use crate::evaluate::{Evaluation, Knowledge, N_BINS, Rate};
 use crate::model::{Addition, Card};
 use crate::protocol::rest::NetworkInfo;
-use comfy_table::{Table, TableComponent, presets};
+use comfy_table::{ContentArrangement, Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::env;
 use std::io;
 use std::ops::Deref;
 use std::path::Path;
+use terminal_size::terminal_size;
 
-/// The most rooms whose confusion matrix fits a screen.
+/// The most rooms whose confusion matrix is read as one.
 const MAX_CONFUSION_PLACES: usize = 10;
+
+/// Letters of a room's name above a confusion matrix that is too wide otherwise.
+const SHORT_NAME: usize = 6;
+
+/// Letters of a path in a table on a terminal.
+const MAX_PATH: usize = 30;
+
+/// The most pairs of rooms that are listed instead of a confusion matrix.
+const MAX_PAIRS: usize = 10;
 
 /// Prints a line on standard output. Unlike with `println!`, a reader that has left is an error.
 macro_rules! say {
@@ -100,7 +110,21 @@ pub fn table<H: Into<comfy_table::Row>>(header: H) -> Table {
         .remove_style(TableComponent::HorizontalLines)
         .remove_style(TableComponent::MiddleIntersections)
         .set_header(header);
+    if let Some(width) = width() {
+        let width = width.min(usize::from(u16::MAX)) as u16;
+        table.set_content_arrangement(ContentArrangement::Dynamic).set_width(width);
+    }
     table
+}
+
+/// A path for a table: its end where a terminal would not hold all of it.
+pub fn path_cell(path: &Path) -> String {
+    let text = path.display().to_string();
+    let n_letters = text.chars().count();
+    if width().is_none() || n_letters <= MAX_PATH {
+        return text;
+    }
+    std::iter::once('\u{2026}').chain(text.chars().skip(n_letters + 1 - MAX_PATH)).collect()
 }
 
 /// What is said of a model's network.
@@ -136,28 +160,23 @@ pub fn card_rows(card: &Card) -> Vec<(&'static str, String)> {
     rows
 }
 
-/// Prints the rates and, for up to [`MAX_CONFUSION_PLACES`] rooms, the confusion matrix.
+/// Prints the rates and the confusion matrix where it fits the terminal, with names of rooms cut short if need be; else the rate
+/// of each room and the pairs of rooms that are taken for each other most often.
 pub fn print_evaluation(evaluation: &Evaluation) -> io::Result<()> {
-    if evaluation.places.len() <= MAX_CONFUSION_PLACES {
-        let mut header = vec!["shown \\ answered".to_owned()];
-        header.extend(evaluation.places.iter().cloned());
-        header.push("rate".to_owned());
-        let mut confusion = table(header);
-        for (idx, (place, counts)) in evaluation.places.iter().zip(&evaluation.confusion).enumerate() {
-            let mut row = vec![place.clone()];
-            row.extend(
-                counts.iter().map(|&count| if count == 0 { "-".to_owned() } else { count.to_string() }),
-            );
-            row.push(rate(&evaluation.by_place[idx]));
-            confusion.add_row(row);
-        }
-        say!("{confusion}")?;
+    let fits =
+        |table: &Table| width().is_none_or(|width| table.lines().all(|line| line.chars().count() <= width));
+    let is_small = evaluation.places.len() <= MAX_CONFUSION_PLACES;
+    let lengths = [usize::MAX, SHORT_NAME].into_iter().filter(|_| is_small);
+    let matrix = lengths.map(|length| confusion(evaluation, length)).find(fits);
+    if let Some(matrix) = matrix {
+        say!("{matrix}")?;
     } else {
         let mut by_place = table(["room", "frames", "rate"]);
         for (place, place_rate) in evaluation.places.iter().zip(&evaluation.by_place) {
             by_place.add_row([place.clone(), place_rate.n_frames.to_string(), rate(place_rate)]);
         }
         say!("{by_place}")?;
+        print_worst_pairs(evaluation)?;
     }
     let mut rates = table(["", "correct", "frames", "rate"]);
     let mut add = |name: &str, of: &Rate| {
@@ -173,6 +192,57 @@ pub fn print_evaluation(evaluation: &Evaluation) -> io::Result<()> {
         say!("Mean over rooms: {mean:.4}")?;
     }
     Ok(())
+}
+
+/// The confusion matrix, with names of rooms above it of at most so many letters.
+fn confusion(evaluation: &Evaluation, length: usize) -> Table {
+    let mut header = vec!["shown \\ answered".to_owned()];
+    header.extend(evaluation.places.iter().map(|place| shortened(place, length)));
+    header.push("rate".to_owned());
+    let mut confusion = table(header);
+    confusion.set_content_arrangement(ContentArrangement::Disabled);
+    for (idx, (place, counts)) in evaluation.places.iter().zip(&evaluation.confusion).enumerate() {
+        let mut row = vec![place.clone()];
+        row.extend(counts.iter().map(|&count| if count == 0 { "-".to_owned() } else { count.to_string() }));
+        row.push(rate(&evaluation.by_place[idx]));
+        confusion.add_row(row);
+    }
+    confusion
+}
+
+/// A name of at most so many letters, the last a dot where some were cut off.
+fn shortened(name: &str, length: usize) -> String {
+    if name.chars().count() <= length {
+        return name.to_owned();
+    }
+    name.chars().take(length - 1).chain(['.']).collect()
+}
+
+fn print_worst_pairs(evaluation: &Evaluation) -> io::Result<()> {
+    let mut pairs = Vec::new();
+    for (shown, counts) in evaluation.places.iter().zip(&evaluation.confusion) {
+        for (answered, &n_frames) in evaluation.places.iter().zip(counts) {
+            if shown != answered && n_frames > 0 {
+                pairs.push((n_frames, shown, answered));
+            }
+        }
+    }
+    if pairs.is_empty() {
+        return Ok(());
+    }
+    pairs.sort_by_key(|(n_frames, ..)| std::cmp::Reverse(*n_frames));
+    let mut table = table(["shown", "answered", "frames"]);
+    for (n_frames, shown, answered) in pairs.into_iter().take(MAX_PAIRS) {
+        table.add_row([shown.clone(), answered.clone(), n_frames.to_string()]);
+    }
+    say!("{table}")
+}
+
+/// How many letters fit a line of standard output: as COLUMNS says, or the terminal; `None` where there is neither.
+fn width() -> Option<usize> {
+    let told =
+        env::var("COLUMNS").ok().and_then(|columns| columns.parse().ok()).filter(|columns| *columns > 0);
+    told.or_else(|| Some(usize::from(terminal_size()?.0.0)))
 }
 
 /// Prints what "known" is worth.

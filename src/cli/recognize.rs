@@ -95,7 +95,7 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
             let others = line.probabilities.iter().skip(1);
             let others: Vec<String> = others.map(|(room, p)| format!("{room} {p:.2}")).collect();
             table.add_row([
-                path.display().to_string(),
+                output::path_cell(path),
                 line.room.to_owned(),
                 format!("{:.2}", line.probability),
                 line.unknown.map_or("yes".to_owned(), |why| format!("no: {why}")),

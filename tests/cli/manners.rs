@@ -1,6 +1,6 @@
 //! What commands say of mistakes, how much they say, and in which colors.
 
-use crate::{DONE, FAILED, LAB, WRONG_USAGE, done, path, refused, roomsight};
+use crate::{DONE, FAILED, LAB, QUICK, WRONG_USAGE, done, frame, path, refused, roomsight};
 use std::fs;
 use std::process::Command;
 use tempfile::TempDir;
@@ -50,6 +50,39 @@ fn colors_are_for_terminals_and_those_who_want_them() {
     assert!(told(&["train", "--color", "always"]).contains('\u{1b}'));
     assert!(told(&["--color=always", "train"]).contains('\u{1b}'));
     assert!(!told(&["train", "--color", "never"]).contains('\u{1b}'));
+}
+
+#[test]
+fn tables_fit_the_terminal() {
+    let folder = TempDir::new().unwrap();
+    for (idx, room) in ["bars", "dots", "stripes"].into_iter().cycle().take(6).enumerate() {
+        let name = folder.path().join(format!("rooms/a long name of room {idx}"));
+        fs::create_dir_all(&name).unwrap();
+        for shift in 0..6 {
+            frame(room, 9 * shift + idx as u32).save(name.join(format!("{shift}.png"))).unwrap();
+        }
+    }
+    let model = path(&folder, "model");
+    done(&[&["train", &path(&folder, "rooms"), "-o", &model], &QUICK[..]].concat());
+    let told = |columns: &str, arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_roomsight"));
+        let output = command.env("COLUMNS", columns).args(arguments).output().unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let picture = path(&folder, "rooms/a long name of room 3/2.png");
+    for columns in [100, 80, 60] {
+        for arguments in
+            [&["evaluate", &model, &path(&folder, "rooms")][..], &["recognize", &model, &picture]]
+        {
+            let told = told(&columns.to_string(), arguments);
+            let tables = told.lines().filter(|line| line.starts_with([' ', '\u{2500}', '\u{2550}']));
+            let widest = tables.map(|line| line.chars().count()).max().unwrap();
+            assert!(widest <= columns, "{widest} of {columns}:\n{told}");
+        }
+    }
+    let evaluated = |columns: &str| told(columns, &["evaluate", &model, &path(&folder, "rooms")]);
+    assert!(evaluated("100").contains("shown \\ answered") && evaluated("100").contains("a lon."));
+    assert!(!evaluated("60").contains("shown \\ answered"));
 }
 
 #[test]

@@ -122,7 +122,7 @@ pub(super) fn print(frames: &[WrongFrame]) -> io::Result<()> {
     let mut table = output::table(["frame", "shows", "answered", "", "known", "because of"]);
     for frame in frames.iter().take(MAX_PRINTED) {
         table.add_row([
-            frame.frame.display().to_string(),
+            output::path_cell(&frame.frame),
             frame.room.clone(),
             frame.answered.clone(),
             format!("{:.2}", frame.probability),
