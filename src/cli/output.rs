@@ -4,7 +4,7 @@ use super::manners::Manners;
 use crate::evaluate::{Evaluation, Knowledge, N_BINS, Rate};
 use crate::model::{Addition, Card};
 use crate::protocol::rest::NetworkInfo;
-use comfy_table::{ContentArrangement, Table, TableComponent, presets};
+use comfy_table::{ColumnConstraint, ContentArrangement, Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::env;
 use std::io;
@@ -19,7 +19,7 @@ const MAX_CONFUSION_PLACES: usize = 10;
 const SHORT_NAME: usize = 6;
 
 /// Letters of a path in a table on a terminal.
-const MAX_PATH: usize = 30;
+const MAX_PATH: usize = 20;
 
 /// The most pairs of rooms that are listed instead of a confusion matrix.
 const MAX_PAIRS: usize = 10;
@@ -125,6 +125,13 @@ pub fn path_cell(path: &Path) -> String {
         return text;
     }
     std::iter::once('\u{2026}').chain(text.chars().skip(n_letters + 1 - MAX_PATH)).collect()
+}
+
+/// Keeps the first column of a table from being broken, where the terminal is narrow.
+pub fn keep_first_column(table: &mut Table) {
+    if let Some(column) = table.column_mut(0) {
+        column.set_constraint(ColumnConstraint::ContentWidth);
+    }
 }
 
 /// What is said of a model's network.

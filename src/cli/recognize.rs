@@ -59,7 +59,7 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
     let model = data::load_model(&args.model)?.model;
     let limits = args.limits.limits();
     let mut scratch = Scratch::default();
-    let mut table = output::table(["frame", "room", "probability", "known", "keypoints", "others"]);
+    let mut table = output::table(["frame", "room", "probability", "known", "others"]);
     let (mut reasons, mut n_failed) = (Vec::new(), 0);
     let mut frames = Vec::new();
     for path in &args.frames {
@@ -99,13 +99,13 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
                 line.room.to_owned(),
                 format!("{:.2}", line.probability),
                 line.unknown.map_or("yes".to_owned(), |why| format!("no: {why}")),
-                line.keypoints.to_string(),
                 others.join(", "),
             ]);
             reasons.push(line);
         }
     }
     if !args.json && n_failed < frames.len() {
+        output::keep_first_column(&mut table);
         say!("{table}")?;
     }
     if args.explain {

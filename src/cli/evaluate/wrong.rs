@@ -130,6 +130,7 @@ pub(super) fn print(frames: &[WrongFrame]) -> io::Result<()> {
             frame.because_of.join("\n"),
         ]);
     }
+    output::keep_first_column(&mut table);
     say!("{table}")?;
     if frames.len() > MAX_PRINTED {
         say!("{} more: see --json.", frames.len() - MAX_PRINTED)?;
