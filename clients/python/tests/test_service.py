@@ -1,16 +1,18 @@
 """Both clients against the real service, with simulated frames."""
 
 import io
+import itertools
 import logging
 import socket
 import subprocess
 import sys
+import threading
 import time
 import unittest
 
 import numpy as np
 from PIL import Image
-from roomsight import AsyncClient, Client, ConnectionLost, Dropped, Error, Refused, Result
+from roomsight import AnswerEvent, AsyncClient, Client, ConnectionLost, Dropped, Error, Refused, Result
 from running import PATIENCE_S, RunningService
 
 NO_IMAGE = b"this is no image"
@@ -72,6 +74,56 @@ class Service(RunningService, unittest.IsolatedAsyncioTestCase):
             for wrong in [gray.astype(np.float32), color[:, :, :2], 3, palette]:
                 with self.assertRaises(TypeError):
                     client.recognize(wrong)
+
+    def test_answers_are_explained(self) -> None:
+        with Client(self.url) as client:
+            self.assertIsNone(client.recognize(self.frames[0]).nearest)
+            nearest = client.recognize(self.frames[0], explain=True).nearest
+            assert nearest, "the model keeps what it has learned"
+            self.assertGreater(nearest[0].nearness, 0.0)
+            with client.stream(mode="lossless", explain=True, top=1) as stream:
+                stream.send(self.frames[0])
+                result = stream.answer(PATIENCE_S)
+                assert isinstance(result, Result), result
+                self.assertEqual(result.answer.nearest, nearest)
+
+    def test_robots_and_events(self) -> None:
+        with Client(self.url) as client, Client(self.url) as reader:
+            events = reader.events()
+            with client.stream(robot="eve", mode="lossless") as stream:
+                told: list[object] = []
+                thread = threading.Thread(target=lambda: told.extend(itertools.islice(events, 2)))
+                thread.start()
+                while thread.is_alive():
+                    stream.send(self.frames[0])
+                    stream.answer(PATIENCE_S)
+                    thread.join(0.05)
+                robot = next(robot for robot in client.robots() if robot.robot == "eve")
+                self.assertTrue(robot.connected and robot.frames.accepted == robot.frames.results > 0)
+                self.assertEqual(robot.answers[0].room, robot.room)
+            events.close()
+            answers = [event for event in told if isinstance(event, AnswerEvent)]
+            self.assertEqual({answer.robot for answer in answers}, {"eve"})
+
+    async def test_models_are_changed_where_nobody_else_has(self) -> None:
+        async with AsyncClient(self.url) as client:
+            model = await client.model("simulated-lab")
+            serving = await client.activate(model.name, model.versions[0].version, epoch=model.epoch)
+            self.assertEqual((serving.version, serving.labels), (model.serving, ["stable"]))
+            with self.assertRaises(Refused) as refused:
+                await client.activate(model.name, model.versions[0].version, epoch=model.epoch + 100)
+            self.assertEqual(refused.exception.problem.status, 412)
+            with Client(self.url) as blocking:
+                with self.assertRaisesRegex(Refused, "is stable"):
+                    blocking.set_label(model.name, "shadow", model.versions[0].version)
+                self.assertEqual(blocking.remove_label(model.name, "canary").serving, model.serving)
+                self.assertTrue(blocking.make_default(model.name).default)
+                with self.assertRaises(Refused):
+                    blocking.upload("another", 1, b"no archive")
+                with self.assertRaises(Refused):
+                    blocking.delete(model.name, 999)
+            with self.assertRaises(Refused):
+                await client.roll_back(model.name, epoch=99)
 
     def test_a_bad_frame_is_answered_and_the_stream_lives(self) -> None:
         with Client(self.url) as client, client.stream(filter=False) as stream:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import ssl
 import sys
 import time
@@ -19,10 +20,11 @@ BEGINNINGS = (b"\xff\xd8\xff", b"\x89PNG\r\n", b"RIFF", b"BM")
 def main() -> int:
     """Parses the command line and streams; the exit code is 1 where the service or the folder fails."""
     parser = argparse.ArgumentParser(prog="python -m roomsight", description=__doc__)
-    parser.add_argument("folder", type=Path, help="pictures, sent in the order of their names")
+    parser.add_argument("folder", type=Path, help="pictures, also in folders below, sent in the order of their names")
     parser.add_argument("--url", default="http://127.0.0.1:8080", help="the service (%(default)s)")
     parser.add_argument("--key", default=os.environ.get("ROOMSIGHT_KEY"), help="or ROOMSIGHT_KEY")
     parser.add_argument("--ca", help="the authority of the service's certificate, a file of PEM")
+    parser.add_argument("--model", help="the model that answers (the default one)")
     parser.add_argument("--robot", help="the name of the robot")
     parser.add_argument("--rate", type=float, default=5.0, help="frames a second (%(default)s)")
     arguments = parser.parse_args()
@@ -35,23 +37,37 @@ def main() -> int:
 
 
 def pictures(folder: Path) -> list[Path]:
-    """The pictures that lie directly in a folder, by name; hidden files and all else are left out and counted.
+    """The pictures in a folder and in those below it, by name; hidden files and all else are left out and counted.
 
     Raises ValueError where there is none."""
-    entries = sorted(folder.iterdir())
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is no folder; give a folder of pictures")
+    entries = [path for path in folder.rglob("*") if not path.is_dir() and not is_hidden(path.relative_to(folder))]
+    entries.sort(key=by_number)
     found = [entry for entry in entries if is_picture(entry)]
-    left_out = sorted(set(entries) - set(found))
+    left_out = [entry for entry in entries if not is_picture(entry)]
     if not found:
-        raise ValueError(f"{folder}: no picture lies in it; give a folder of pictures")
+        raise ValueError(f"{folder}: no picture lies in it or in a folder below it; give a folder of pictures")
     if left_out:
         more = f" and {len(left_out) - 1} more" if len(left_out) > 1 else ""
-        print(f"left out: {left_out[0]}{more}: no picture in this folder", file=sys.stderr)
+        print(f"left out: {left_out[0]}{more}: no picture", file=sys.stderr)
     return found
+
+
+def is_hidden(path: Path) -> bool:
+    """Whether it, or a folder that it lies in, is hidden."""
+    return any(part.startswith(".") for part in path.parts)
+
+
+def by_number(path: Path) -> list[tuple[int, str]]:
+    """Sorts paths as people number pictures: 2.jpg before 10.jpg."""
+    parts = re.split(r"(\d+)", str(path))
+    return [(int(part), "") if part.isdigit() else (0, part) for part in parts]
 
 
 def is_picture(path: Path) -> bool:
     """Whether it is a file that is called a picture or begins as one. Pipes and devices are not opened."""
-    if path.name.startswith(".") or not path.is_file():
+    if not path.is_file():
         return False
     if path.suffix.lower() in SUFFIXES:
         return True
@@ -62,7 +78,9 @@ def is_picture(path: Path) -> bool:
 def stream_frames(arguments: argparse.Namespace, frames: list[Path]) -> None:
     """Sends the frames at their rate, one after the other."""
     believed = ssl.create_default_context(cafile=arguments.ca) if arguments.ca else None
-    with Client(arguments.url, arguments.key, ssl=believed) as client, client.stream(robot=arguments.robot) as stream:
+    with Client(arguments.url, arguments.key, ssl=believed) as client, client.stream(
+        robot=arguments.robot, model=arguments.model
+    ) as stream:
         due = time.monotonic()
         for frame in frames:
             time.sleep(max(0.0, due - time.monotonic()))
@@ -70,11 +88,17 @@ def stream_frames(arguments: argparse.Namespace, frames: list[Path]) -> None:
             stream.send(frame, captured_at_ns=time.time_ns())
             answer = stream.answer()
             if isinstance(answer, Result):
-                print(f"{frame.name}  {answer.room}  {answer.probability:.2f}")
+                known = answer.filtered.known if answer.filtered else answer.answer.known
+                print(f"{frame.name}  {answer.room}  {answer.probability:.2f}  {'known' if known else why(answer)}")
             elif isinstance(answer, Dropped):
                 print(f"{frame.name}  dropped: {answer.reason}")
             else:
                 print(f"{frame.name}  {answer.problem.title}: {answer.problem.detail}")
+
+
+def why(result: Result) -> str:
+    """Why a room is not one to act on."""
+    return f"unknown: {(result.answer.unknown or 'unsure').replace('_', ' ')}"
 
 
 if __name__ == "__main__":

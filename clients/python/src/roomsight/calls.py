@@ -7,6 +7,7 @@ import os
 import ssl
 from pathlib import Path
 from typing import Any, Optional, Protocol, TypeVar, Union
+from urllib.parse import quote
 
 import httpx
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
@@ -31,9 +32,16 @@ class Picture(Protocol):
 #: (RGB; OpenCV's are BGR: ``frame[:, :, ::-1]``).
 Frame = Union[bytes, "os.PathLike[str]", str, Picture]
 
+#: A model's folder as a tar, tar.gz or zip file: its bytes, or the path of one.
+Archive = Union[bytes, "os.PathLike[str]", str]
+
 DEFAULT_URL = "http://127.0.0.1:8080"
 #: How long to wait for a connection or the answer to a call, in seconds.
 PATIENCE_S = 30.0
+#: Events may be far between; a connection that is gone is found by the system.
+EVENTS_TIMEOUT = httpx.Timeout(PATIENCE_S, read=None)
+#: How long an upload may take, in seconds.
+UPLOAD_PATIENCE_S = 600.0
 
 
 def check_url(url: str) -> str:
@@ -89,6 +97,41 @@ def recognize_call(frame: Frame, query: dict[str, Any]) -> dict[str, Any]:
         "content": frame_bytes(frame),
         "headers": {"Content-Type": "application/octet-stream"},
     }
+
+
+def model_url(name: str, *parts: Union[str, int]) -> str:
+    """The path of a model, or of something of it."""
+    return "/".join(["/v1/models", *(quote(str(part), safe="") for part in (name, *parts))])
+
+
+def change_call(
+    method: str, url: str, epoch: Optional[int] = None, body: Optional[dict[str, Any]] = None
+) -> dict[str, Any]:
+    """The call that changes a model, as arguments for httpx. With an epoch nothing is done where what serves was changed since."""
+    call: dict[str, Any] = {"method": method, "url": url}
+    if epoch is not None:
+        call["headers"] = {"If-Match": f'"{epoch}"'}
+    if body is not None:
+        call["json"] = {name: value for name, value in body.items() if value is not None}
+    return call
+
+
+def upload_call(name: str, version: int, archive: Archive) -> dict[str, Any]:
+    """The call that uploads an archive, as arguments for httpx. Packing and loading take longer than other calls."""
+    content = archive if isinstance(archive, bytes) else Path(archive).read_bytes()
+    return {
+        "method": "PUT",
+        "url": model_url(name, "versions", version),
+        "content": content,
+        "headers": {"Content-Type": "application/octet-stream"},
+        "timeout": UPLOAD_PATIENCE_S,
+    }
+
+
+def check_done(response: httpx.Response) -> None:
+    """Raises ``Refused`` or ``ProtocolError`` where a call without an answer failed."""
+    if not response.is_success:
+        raise refused(response.status_code, response.content, response.headers.get("Retry-After"))
 
 
 def read_answer(kind: type[T], response: httpx.Response) -> T:

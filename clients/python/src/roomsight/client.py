@@ -13,11 +13,12 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
 from . import calls, messages
-from .calls import DEFAULT_URL, PATIENCE_S, Frame
+from .calls import DEFAULT_URL, PATIENCE_S, Archive, Frame
 from .closing import Closing
-from .errors import RoomsightError
+from .errors import ConnectionLost, RoomsightError
+from .events import Event, read_event
 from .messages import Hello, Message, Position, ResumePoint
-from .types import Answer, ModelList
+from .types import Answer, Model, ModelList, Robot, RobotList, Version
 
 
 class Client(Closing):
@@ -74,6 +75,63 @@ class Client(Closing):
         """The models there are."""
         return calls.read_answer(ModelList, self._call("GET", "/v1/models"))
 
+    def model(self, name: str) -> Model:
+        """One model, with its versions."""
+        return calls.read_answer(Model, self._call("GET", calls.model_url(name)))
+
+    def activate(self, name: str, version: int, *, epoch: Optional[int] = None) -> Version:
+        """Lets a version serve. Where an ``epoch`` is given (``Model.epoch``) and what serves was changed since, it is
+        ``Refused``; the same holds for the other changes."""
+        call = calls.change_call("POST", calls.model_url(name, "versions", version, "activate"), epoch)
+        return calls.read_answer(Version, self._call(**call))
+
+    def roll_back(self, name: str, *, epoch: Optional[int] = None) -> Model:
+        """Lets the version serve that did before."""
+        return self._change("POST", calls.model_url(name, "rollback"), epoch)
+
+    def set_label(
+        self, name: str, label: str, version: int, *, share: Optional[float] = None, epoch: Optional[int] = None
+    ) -> Model:
+        """Gives a label such as ``canary`` (with its ``share`` of the robots) or ``shadow`` to a version."""
+        url, body = calls.model_url(name, "labels", label), {"version": version, "share": share}
+        return self._change("PUT", url, epoch, body)
+
+    def remove_label(self, name: str, label: str, *, epoch: Optional[int] = None) -> Model:
+        """Takes a label away."""
+        return self._change("DELETE", calls.model_url(name, "labels", label), epoch)
+
+    def make_default(self, name: str) -> Model:
+        """Lets a model answer requests that name none."""
+        return self._change("PUT", calls.model_url(name, "default"))
+
+    def upload(self, name: str, version: int, archive: Archive) -> Version:
+        """Adds a version of a model: its folder as a tar, tar.gz or zip file."""
+        return calls.read_answer(Version, self._call(**calls.upload_call(name, version, archive)))
+
+    def delete(self, name: str, version: int, *, epoch: Optional[int] = None) -> None:
+        """Deletes a version that has no label."""
+        call = calls.change_call("DELETE", calls.model_url(name, "versions", version), epoch)
+        calls.check_done(self._call(**call))
+
+    def robots(self) -> list[Robot]:
+        """The robots that stream, the first that came first."""
+        return calls.read_answer(RobotList, self._call("GET", "/v1/robots")).robots
+
+    def events(self) -> Iterator[Event]:
+        """What happens from now on, until the service ends or the loop is left. Ends with ``ConnectionLost``."""
+        try:
+            with self._http.stream("GET", "/v1/events", timeout=calls.EVENTS_TIMEOUT) as response:
+                if not response.is_success:
+                    response.read()
+                    calls.check_done(response)
+                for line in response.iter_lines():
+                    event = read_event(line)
+                    if event is not None:
+                        yield event
+        except httpx.HTTPError as error:
+            raise calls.lost(error) from error
+        raise ConnectionLost("the service ended the events")
+
     def is_ready(self) -> bool:
         """Whether the service answers frames."""
         return self._call("GET", "/readyz").is_success
@@ -84,12 +142,16 @@ class Client(Closing):
         robot: Optional[str] = None,
         model: Optional[str] = None,
         mode: Optional[str] = None,
-        **configure: Any,
+        interval_ms: Optional[int] = None,
+        filter: Union[bool, dict[str, float], None] = None,
+        deadline_ms: Optional[int] = None,
+        top: Optional[int] = None,
+        explain: Optional[bool] = None,
     ) -> Stream:
         """Opens a stream. ``mode`` is ``latest``, ``lossless`` or ``sampled``; for the rest see ``configure``."""
-        stream = self._open({"robot": robot, "model": model, "mode": mode}, None)
-        if configure:
-            stream.configure(**configure)
+        stream = self._open({"robot": robot, "model": model, "mode": mode, "interval_ms": interval_ms}, None)
+        if any(setting is not None for setting in (filter, deadline_ms, top, explain)):
+            stream.configure(filter=filter, deadline_ms=deadline_ms, top=top, explain=explain)
         return stream
 
     def resume(self, point: ResumePoint) -> Stream:
@@ -99,6 +161,11 @@ class Client(Closing):
     def close(self) -> None:
         """Closes the connections of the calls. Streams are closed by themselves."""
         self._http.close()
+
+    def _change(
+        self, method: str, url: str, epoch: Optional[int] = None, body: Optional[dict[str, Any]] = None
+    ) -> Model:
+        return calls.read_answer(Model, self._call(**calls.change_call(method, url, epoch, body)))
 
     def _call(self, method: str, url: str, **arguments: Any) -> httpx.Response:
         try:
@@ -167,10 +234,12 @@ class Stream(Closing):
         filter: Union[bool, dict[str, float], None] = None,
         deadline_ms: Optional[int] = None,
         top: Optional[int] = None,
+        explain: Optional[bool] = None,
     ) -> None:
         """Changes the stream; what is left out stays. The service answers with ``Configured``.
 
-        ``filter`` is True, False or ``{"trust": 0.5}``; ``deadline_ms`` is how long a frame may wait.
+        ``filter`` is True, False or ``{"trust": 0.5}``; ``deadline_ms`` is how long a frame may wait; ``explain``
+        asks for the training frames that are most like each.
         """
         settings = {
             "robot": robot,
@@ -180,6 +249,7 @@ class Stream(Closing):
             "filter": filter,
             "deadline_ms": deadline_ms,
             "top": top,
+            "explain": explain,
         }
         self._send(messages.configure_message(settings))
 

@@ -39,6 +39,7 @@ class StreamSettings:
     filter: Optional[FilterSettings] = None
     deadline_ms: Optional[int] = None
     top: Optional[int] = None
+    explain: bool = False
 
 
 @dataclass(frozen=True)

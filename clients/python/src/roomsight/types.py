@@ -148,12 +148,60 @@ class Version:
 @dataclass(frozen=True)
 class Model:
     """A model: its versions, the highest first, and the one that serves; ``default`` where it answers requests that
-    name none."""
+    name none. ``epoch`` tells how often what serves was changed."""
 
     name: str
     versions: list[Version]
     serving: Optional[int] = None
     default: bool = False
+    epoch: int = 0
+
+
+@dataclass(frozen=True)
+class FrameCounts:
+    """What became of a robot's frames; ``dropped`` by reason."""
+
+    accepted: int
+    results: int
+    errors: int
+    dropped: dict[str, int]
+
+
+@dataclass(frozen=True)
+class PastAnswer:
+    """An answer of ``ago_s`` seconds ago."""
+
+    seq: int
+    room: str
+    probability: float
+    timings_ms: Timings
+    ago_s: float
+    known: bool = False
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot that streams; its room is the filter's where there is one, and one to act on where ``known``."""
+
+    stream: str
+    connected: bool
+    streaming_s: float
+    mode: str
+    frames: FrameCounts
+    answers: list[PastAnswer]
+    robot: Optional[str] = None
+    key: Optional[str] = None
+    room: Optional[str] = None
+    known: bool = False
+    novelty: Optional[float] = None
+    in_room_s: Optional[float] = None
+
+
+@dataclass(frozen=True)
+class RobotList:
+    """All robots, the first that came first."""
+
+    robots: list[Robot]
 
 
 @dataclass(frozen=True)
