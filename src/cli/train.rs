@@ -2,6 +2,7 @@
 
 mod compare;
 mod curve;
+mod golden;
 mod not_held_out;
 mod verdict;
 
@@ -25,22 +26,9 @@ use curve::LearningCurve;
 use not_held_out::NotHeldOut;
 use serde::Serialize;
 use std::collections::BTreeSet;
-use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 use verdict::Verdict;
-
-/// Frames kept with the model to tell that it still answers the same.
-const N_GOLDEN_FRAMES: usize = 8;
-
-/// The longest frame that is kept so, in bytes.
-const MAX_GOLDEN_BYTES: u64 = 1 << 20;
-
-/// The longest name of a golden frame, in characters, which take up to 4 of a file name's 255 bytes.
-const MAX_FILE_NAME_LENGTH: usize = 48;
-
-/// The longest ending of a picture's name that is kept, in bytes.
-const MAX_ENDING_LENGTH: usize = 5;
 
 /// Below this rate of held-out frames it is told whether more frames would help.
 const WORTH_ADVICE: f64 = 0.95;
@@ -176,7 +164,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let golden = if args.no_golden_frames {
         Vec::new()
     } else {
-        golden_frames(&model, &trained, &args.limits.limits())
+        golden::frames(&model, (dataset, described), &args.limits.limits())
     };
     let (folder, published) = destination.take(&model, &golden)?;
     let not_held_out = NotHeldOut::of(held_out, &described.samples, args.add.is_some());
@@ -435,71 +423,4 @@ fn choices(choice: &Choice) -> comfy_table::Table {
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share| (0.0..1.0).contains(share));
     share.ok_or_else(|| "it must be from 0 to below 1".to_owned())
-}
-
-/// The middle frame of each room, up to [`N_GOLDEN_FRAMES`] rooms.
-fn golden_frames(
-    model: &Model,
-    Trained { dataset, described, .. }: &Trained,
-    limits: &Limits,
-) -> Vec<GoldenFrame> {
-    // Whoever loads the model reads its frames within the default limits: it must see what training saw.
-    let looks_the_same = |bytes: &[u8]| {
-        let size = |limits: Limits| {
-            let image = model.decode(bytes, &limits).ok()?;
-            Some((image.width(), image.height()))
-        };
-        size(*limits) == size(Limits::default())
-    };
-    let golden = |(place_idx, place): (usize, &String)| {
-        let of_place: Vec<usize> =
-            (0..described.samples.len()).filter(|&idx| described.samples[idx].place == *place).collect();
-        let sample_idx = *of_place.get(of_place.len() / 2)?;
-        let path = &dataset.frames[described.frame_idxs[sample_idx]].path;
-        let is_small = fs::metadata(path).is_ok_and(|metadata| metadata.len() <= MAX_GOLDEN_BYTES);
-        let bytes = fs::read(path).ok().filter(|bytes| is_small && looks_the_same(bytes))?;
-        let answer = validate::answer(model, &described.samples, sample_idx);
-        Some(GoldenFrame {
-            name: golden_name(model.places(), place_idx, path),
-            bytes,
-            probability: answer.recognition.probability(),
-            place: answer.place,
-        })
-    };
-    model.places().iter().enumerate().take(N_GOLDEN_FRAMES).filter_map(golden).collect()
-}
-
-/// The name of the file with a room's golden frame: the room's as a file name, with a number where an earlier
-/// room has the same, and the ending of the picture, which may be missing or be no ending at all.
-fn golden_name(places: &[String], place_idx: usize, picture: &Path) -> String {
-    let name = file_name(&places[place_idx]);
-    let is_taken =
-        places[..place_idx].iter().any(|place| file_name(place).to_lowercase() == name.to_lowercase());
-    let ending = picture.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-    let is_plain =
-        (1..=MAX_ENDING_LENGTH).contains(&ending.len()) && ending.chars().all(char::is_alphanumeric);
-    let ending = if is_plain { ending } else { "jpg" };
-    if is_taken { format!("{name}-{place_idx}.{ending}") } else { format!("{name}.{ending}") }
-}
-
-/// A room's name as a file name of every system.
-fn file_name(place: &str) -> String {
-    let letters = place.chars().map(|letter| if letter.is_alphanumeric() { letter } else { '_' });
-    letters.take(MAX_FILE_NAME_LENGTH).collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn each_room_has_a_golden_frame_of_its_own() {
-        let places = ["a b", "a/b", "a_B", "b", &"long".repeat(60)].map(str::to_owned);
-        let name = |place_idx, picture| golden_name(&places, place_idx, Path::new(picture));
-        assert_eq!(name(0, "1.jpeg"), "a_b.jpeg");
-        assert_eq!(name(1, "1.PNG"), "a_b-1.PNG");
-        assert_eq!(name(2, "1"), "a_B-2.jpg");
-        assert_eq!(name(3, "1.jpg (copy)"), "b.jpg");
-        assert_eq!(name(4, "1.jpg").len(), 52);
-    }
 }
