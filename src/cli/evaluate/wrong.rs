@@ -6,12 +6,15 @@ use crate::dataset::{Dataset, Described};
 use crate::model::{Features, Model, Unknown};
 use crate::validate::Answered;
 use serde::Serialize;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::io;
 use std::path::PathBuf;
 
 /// The most frames that are printed; `--json` has all.
 const MAX_PRINTED: usize = 30;
+
+/// Among so many nearest frames of each opinion those of the answered room are looked for.
+const N_NEAREST: usize = 10;
 
 /// The most training frames that are named for each.
 const MAX_BLAMED: usize = 3;
@@ -30,7 +33,7 @@ pub(super) struct WrongFrame {
     unknown: Option<Unknown>,
     #[serde(skip_serializing_if = "Option::is_none")]
     novelty: Option<f32>,
-    /// The training frames that spoke most for the answered room, by their names, of models that remember frames.
+    /// The training frames of the answered room that are most like it, by their names, of models that keep frames.
     because_of: Vec<String>,
 }
 
@@ -100,17 +103,24 @@ pub(super) fn sections(dataset: &Dataset, frames: &[WrongFrame]) -> Vec<Section>
     vec![section("Answered wrong, the surest first", true), section("Right but unknown", false)]
 }
 
-/// The training frames whose features spoke most for a room.
+/// The training frames of a room that are most like a frame, as the opinions see them in turn.
 fn blamed(model: &Model, features: &Features, place_idx: usize) -> Vec<String> {
-    let mut weights: BTreeMap<String, f32> = BTreeMap::new();
-    for evidence in model.explain(features, place_idx) {
-        if let Some(frame) = evidence.frame {
-            *weights.entry(frame).or_default() += evidence.weight;
+    let mut by_opinion: BTreeMap<String, VecDeque<String>> = BTreeMap::new();
+    for near in model.nearest(features, N_NEAREST) {
+        if near.place_idx == place_idx && !near.name.is_empty() {
+            by_opinion.entry(near.opinion).or_default().push_back(near.name);
         }
     }
-    let mut frames: Vec<(String, f32)> = weights.into_iter().collect();
-    frames.sort_by(|a, b| b.1.total_cmp(&a.1));
-    frames.into_iter().take(MAX_BLAMED).map(|(frame, _)| frame).collect()
+    let mut blamed: Vec<String> = Vec::new();
+    while blamed.len() < MAX_BLAMED && by_opinion.values().any(|names| !names.is_empty()) {
+        for name in by_opinion.values_mut().filter_map(VecDeque::pop_front) {
+            if !blamed.contains(&name) {
+                blamed.push(name);
+            }
+        }
+    }
+    blamed.truncate(MAX_BLAMED);
+    blamed
 }
 
 pub(super) fn print(frames: &[WrongFrame]) -> io::Result<()> {
