@@ -144,7 +144,8 @@ impl Verdict {
                 "more frames of the same kind will hardly help"
             };
             say!(
-                "With half of the frames {rate_of_half:.4} would be right, with all {rate_of_all:.4}: {more}."
+                "Of every other frame {rate_of_half:.4} are right where only those are trained, {rate_of_all:.4} where all \
+                 are: {more}."
             )?;
         }
         if !self.confused.is_empty() {
