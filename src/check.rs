@@ -247,23 +247,12 @@ impl Examined<'_> {
         aspects.sort_by(f64::total_cmp);
         let Some(&usual) = aspects.get(aspects.len() / 2) else { return Vec::new() };
         let of_sample = |(sample_idx, look): (usize, &Look)| {
-            let is_panorama = PANORAMA.contains(&look.aspect());
             let camera = self.dataset.frames[self.described.frame_idxs[sample_idx]].camera;
             let size = format!("{} x {}", look.width, look.height);
-            match camera {
-                CameraKind::Perspective if is_panorama => {
-                    let detail = format!("{size}, as panoramas are: --camera equirectangular");
-                    Some(self.finding(Oddity::Camera, sample_idx, detail))
-                }
-                CameraKind::Equirectangular if !is_panorama => {
-                    let detail = format!("{size}, and panoramas are twice as wide as high");
-                    Some(self.finding(Oddity::Camera, sample_idx, detail))
-                }
-                _ if is_other_shape(look.aspect(), usual) => {
-                    Some(self.finding(Oddity::Shape, sample_idx, size))
-                }
-                _ => None,
+            if let Some(why) = other_camera(camera, look.aspect()) {
+                return Some(self.finding(Oddity::Camera, sample_idx, format!("{size}, {why}")));
             }
+            is_other_shape(look.aspect(), usual).then(|| self.finding(Oddity::Shape, sample_idx, size))
         };
         looks.iter().enumerate().filter_map(of_sample).collect()
     }
@@ -284,6 +273,15 @@ impl Examined<'_> {
             Some(self.finding(oddity, sample_idx, ""))
         };
         self.described.looks.iter().enumerate().filter_map(of_sample).collect()
+    }
+}
+
+/// Why pictures of this shape, so many times as wide as high, are hardly of this camera.
+pub fn other_camera(camera: CameraKind, aspect: f64) -> Option<&'static str> {
+    match (camera, PANORAMA.contains(&aspect)) {
+        (CameraKind::Perspective, true) => Some("as panoramas are (--camera equirectangular)"),
+        (CameraKind::Equirectangular, false) => Some("but panoramas are twice as wide as high"),
+        _ => None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! The commands of `roomsight`: one file a command.
 //!
 //! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line,
-//! 3 a gate of `replay` failed.
+//! 3 a gate of `train` or `replay` failed, 130 interrupted.
 
 mod check;
 mod contact_sheet;

@@ -194,10 +194,15 @@ pub fn changes(dataset: &Dataset, described: &Described, answers: &[Answered]) -
     Changes::new(&stream.collect::<Vec<_>>())
 }
 
-/// The time since the answer before, in seconds; none where a drive begins.
+/// The time since the answer before, in seconds; none where a drive begins, or a room of one whose order of rooms is not known.
 fn elapsed(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Vec<Option<f64>> {
     let frame = |answered: &Answered| &dataset.frames[described.frame_idxs[answered.sample_idx]];
-    let following = answers.windows(2).map(|pair| frame(&pair[0]).seconds_to(frame(&pair[1])));
+    let seconds = |pair: &[Answered]| {
+        let [before, after] = [&pair[0], &pair[1]].map(frame);
+        let is_followed = dataset.is_in_order() || before.place == after.place;
+        is_followed.then(|| before.seconds_to(after)).flatten()
+    };
+    let following = answers.windows(2).map(seconds);
     std::iter::once(None).chain(following).take(answers.len()).collect()
 }
 

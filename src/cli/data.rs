@@ -6,6 +6,7 @@ pub(super) use config::ConfigArgs;
 
 use super::output;
 use crate::camera::CameraKind;
+use crate::check::other_camera;
 use crate::cli::manners::note;
 use crate::dataset::{self, Dataset, Described, Problem, Tree};
 use crate::image::{Image, Limits};
@@ -241,7 +242,19 @@ pub(super) fn describe_to_train(
     extractor: &Extractor,
     limits: &Limits,
 ) -> anyhow::Result<Described> {
-    some(describe_all(dataset, extractor, limits).without_copies(dataset), dataset)
+    let described = some(describe_all(dataset, extractor, limits).without_copies(dataset), dataset)?;
+    let camera = extractor.camera().projection.kind();
+    let others: Vec<Problem> = described
+        .looks
+        .iter()
+        .zip(&described.frame_idxs)
+        .filter_map(|(look, &frame_idx)| {
+            let why = other_camera(camera, look.aspect())?;
+            Some(Problem::new(&dataset.frames[frame_idx].path, format!("its shape is odd, {why}")))
+        })
+        .collect();
+    report("note", &others);
+    Ok(described)
 }
 
 /// The same to answer frames with a model that was trained on `trained`, which are left out.

@@ -2,6 +2,8 @@
 
 use super::data::{self, LimitArgs};
 use super::output::{self, say};
+use crate::check::other_camera;
+use crate::cli::manners::note;
 use crate::model::{Features, Model, NearFrame, PoseEstimate, Recognition, Scratch, Unknown};
 use crate::protocol::rest::NearestFrame;
 use anyhow::bail;
@@ -74,6 +76,13 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
             Ok(image) => {
                 if image.damaged_rows() > 0 {
                     eprintln!("{}: {} rows are damaged or missing", path.display(), image.damaged_rows());
+                }
+                let aspect = image.width() as f64 / image.height() as f64;
+                if let Some(why) = other_camera(model.camera().projection.kind(), aspect) {
+                    note!(
+                        "note: {}: the model is of another camera: its shape is odd, {why}",
+                        path.display()
+                    );
                 }
                 model.features(&image, &mut scratch)
             }

@@ -247,6 +247,19 @@ fn evaluate_follows_drives_with_the_filter() {
 
     let error = refused(FAILED, &["evaluate", "--filter", &LAB.model(), &LAB.data()]);
     assert!(error.contains("the order they were taken"), "{error}");
+    // Folders of drives within rooms: each is followed by itself.
+    let folder = TempDir::new().unwrap();
+    for room in ROOMS {
+        fs::create_dir_all(folder.path().join(room).join("monday")).unwrap();
+        for shift in 0..N_FRAMES {
+            let picture = folder.path().join(format!("{room}/monday/{shift}.png"));
+            frame(room, 7 * shift).save(picture).unwrap();
+        }
+    }
+    let rooms = text(folder.path());
+    let followed = json(&["evaluate", "--json", "--filter=1", &LAB.model(), &rooms]);
+    assert_eq!(followed["streams"][1]["changes"]["n_changes"], 0, "{followed}");
+    assert_eq!(followed["streams"][1]["rate"]["n_frames"], 3 * N_FRAMES);
     let error = refused(WRONG_USAGE, &["evaluate", "--filter=20", &LAB.model(), &LAB.data()]);
     assert!(error.contains("at most 10"), "{error}");
 }

@@ -1,8 +1,9 @@
 //! How answers follow robots from room to room, each frame by itself and filtered.
 
 use super::by_sequence;
+use crate::cli::manners::note;
 use crate::cli::output::{self, say};
-use crate::dataset::{Dataset, Described};
+use crate::dataset::{Dataset, Described, Frame};
 use crate::evaluate::{Changes, Lateness, N_HELD, Rate};
 use crate::filter::Trust;
 use crate::model::Model;
@@ -31,12 +32,19 @@ struct Followed {
     changes: Changes,
 }
 
-/// Refuses frames in no known order: the order of a folder a room would tell the filter the rooms.
+/// Refuses frames in no known order, and tells where only that within a room is known.
 pub(super) fn check(dataset: &Dataset) -> anyhow::Result<()> {
-    if !dataset.is_in_order() || dataset.frames.iter().any(|frame| frame.sequence.is_empty()) {
+    let is_of_drive = |frame: &Frame| frame.is_elsewhere() || !frame.sequence.is_empty();
+    if !dataset.frames.iter().all(is_of_drive) {
         bail!(
-            "--filter follows robots, but not all of these frames come in the order they were taken: give \
-             sequences of the COLD database, or a frames.csv that names the sequence of every frame"
+            "--filter follows robots, but not all of these frames come in the order they were taken: give folders of drives \
+             in those of the rooms (kitchen/monday/0001.jpg), sequences of the COLD database, or a frames.csv that names the \
+             sequence of every frame"
+        );
+    }
+    if !dataset.is_in_order() {
+        note!(
+            "note: folders do not tell in which order a drive went through the rooms: each room of a drive is followed by itself"
         );
     }
     Ok(())
