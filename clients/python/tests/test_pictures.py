@@ -19,12 +19,13 @@ class Pictures(unittest.TestCase):
             (folder / "x.jpg").mkdir()
             os.mkfifo(folder / "pipe.jpg")
             files = {"1.JPG": b"x", "2": b"\xff\xd8\xff\xe0", "notes.txt": b"x", "._1.jpg": b"x"}
+            files |= {"x.jpg/10.png": b"x", "x.jpg/9.png": b"x"}
             for file, content in files.items():
                 (folder / file).write_bytes(content)
             with contextlib.redirect_stderr(io.StringIO()) as told:
                 found = pictures(folder)
-            self.assertEqual([path.name for path in found], ["1.JPG", "2"])
-            self.assertIn("._1.jpg and 3 more", told.getvalue())
+            self.assertEqual([path.name for path in found], ["1.JPG", "2", "9.png", "10.png"])
+            self.assertIn("._1.jpg and 2 more", told.getvalue())
 
     def test_a_folder_without_a_picture_is_an_error(self) -> None:
         with tempfile.TemporaryDirectory() as name:

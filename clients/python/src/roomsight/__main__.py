@@ -42,10 +42,12 @@ def pictures(folder: Path) -> list[Path]:
     Raises ValueError where there is none."""
     if not folder.is_dir():
         raise ValueError(f"{folder} is no folder; give a folder of pictures")
-    entries = [path for path in folder.rglob("*") if not path.is_dir() and not is_hidden(path.relative_to(folder))]
-    entries.sort(key=by_number)
-    found = [entry for entry in entries if is_picture(entry)]
-    left_out = [entry for entry in entries if not is_picture(entry)]
+    entries = sorted((path for path in folder.rglob("*") if not path.is_dir()), key=by_number)
+    found: list[Path] = []
+    left_out: list[Path] = []
+    for entry in entries:
+        is_wanted = not is_hidden(entry.relative_to(folder)) and is_picture(entry)
+        (found if is_wanted else left_out).append(entry)
     if not found:
         raise ValueError(f"{folder}: no picture lies in it or in a folder below it; give a folder of pictures")
     if left_out:
