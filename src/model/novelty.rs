@@ -13,10 +13,8 @@ use crate::svm::most_probable;
 
 /// What the pool of all opinions tells of how familiar a frame is: the probability of the answer, and the share of
 /// opinions that would answer the same.
-const POOL_SIGNS: [Sign; 2] = [
-    Sign { name: "probability", prior_weight: 0.5, is_nearness: false },
-    Sign { name: "agreement", prior_weight: 0.3, is_nearness: false },
-];
+const POOL_SIGNS: [Sign; 2] =
+    [Sign { name: "probability", prior_weight: 0.5 }, Sign { name: "agreement", prior_weight: 0.3 }];
 
 /// How far a fitted weight typically lies from the prior one.
 const PRIOR_SPREAD: f64 = 0.5;
@@ -26,14 +24,6 @@ const OFFSET_SPREAD: f64 = 3.0;
 
 /// Where nothing is known: the logarithm of the odds that the most typical frame of a trained room is new.
 const PRIOR_OFFSET: f64 = -1.5;
-
-/// Left-out rooms teach how near another room of the same building looks, and little of what is far from all of them: a frame that is
-/// more than [`TAIL`] standard deviations less near than frames of trained rooms is new for that alone, by this logarithm of odds
-/// a deviation.
-const TAIL_WEIGHT: f64 = 2.0;
-
-/// One frame of trained rooms in forty lies below, if they are normally distributed.
-const TAIL: f64 = 2.0;
 
 /// Standard deviations beyond which a sign says no more.
 const MOST_DEVIATIONS: f64 = 6.0;
@@ -62,20 +52,18 @@ struct Scale {
     deviation: f64,
     /// The logarithm of odds a deviation.
     weight: f64,
-    /// Whether it is one of how near what was learned is; see [`TAIL_WEIGHT`].
-    is_nearness: bool,
 }
 
 impl Scale {
     /// Of what was observed; a sign that never was counts nothing.
-    fn of(values: &[f64], Sign { prior_weight, is_nearness, .. }: Sign) -> Self {
+    fn of(values: &[f64], prior_weight: f64) -> Self {
         if values.is_empty() {
-            return Self { mean: 0.0, deviation: LARGEST, weight: 0.0, is_nearness };
+            return Self { mean: 0.0, deviation: 1.0, weight: 0.0 };
         }
         let n_values = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n_values;
         let variance = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n_values;
-        Self { mean, deviation: variance.sqrt().max(LEAST_DEVIATION), weight: prior_weight, is_nearness }
+        Self { mean, deviation: variance.sqrt().max(LEAST_DEVIATION), weight: prior_weight }
     }
 }
 
@@ -128,7 +116,7 @@ impl Novelty {
         let mut novelty = Self { scales: Vec::new(), offset: PRIOR_OFFSET };
         for (sign_idx, sign) in all_signs(config).enumerate() {
             let values: Vec<f64> = known().filter_map(|observed| observed.signs[sign_idx]).collect();
-            novelty.scales.push(Scale::of(&values, sign));
+            novelty.scales.push(Scale::of(&values, sign.prior_weight));
         }
         let n_new = observed.len() - n_known;
         if n_new > 0 {
@@ -160,10 +148,11 @@ impl Novelty {
         self.offset = weights[n + 1] - weights[n];
     }
 
-    /// How many standard deviations each sign is above the mean.
+    /// How many standard deviations each sign that counts is above the mean.
     fn deviations(&self, signs: &Signs) -> impl Iterator<Item = Option<f64>> {
         let deviation = |(scale, sign): (&Scale, &Option<f64>)| {
-            sign.map(|sign| ((sign - scale.mean) / scale.deviation).clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS))
+            sign.filter(|_| scale.weight > 0.0)
+                .map(|sign| ((sign - scale.mean) / scale.deviation).clamp(-MOST_DEVIATIONS, MOST_DEVIATIONS))
         };
         self.scales.iter().zip(signs).map(deviation)
     }
@@ -171,12 +160,7 @@ impl Novelty {
     /// Of a frame, from 0 to 1.
     pub(super) fn of(&self, signs: &Signs) -> f32 {
         let weighed = self.deviations(signs).zip(&self.scales);
-        let tail = |deviation: f64| TAIL_WEIGHT * (-TAIL - deviation).max(0.0);
-        let familiar = weighed.filter_map(|(deviation, scale)| {
-            let deviation = deviation?;
-            Some(deviation * scale.weight - if scale.is_nearness { tail(deviation) } else { 0.0 })
-        });
-        let familiar: f64 = familiar.sum();
+        let familiar: f64 = weighed.filter_map(|(deviation, scale)| Some(deviation? * scale.weight)).sum();
         (1.0 / (1.0 + (familiar - self.offset).exp())) as f32
     }
 
@@ -215,13 +199,8 @@ impl Novelty {
         require(are_all && offset.len() == 1, "what tells new places is of other opinions")?;
         let have_spread = deviations.iter().all(|&deviation| deviation >= LEAST_DEVIATION);
         require(have_spread, "what tells new places has no spread")?;
-        let scales = means.into_iter().zip(deviations).zip(weights).zip(all_signs(config));
-        let scale = |(((mean, deviation), weight), sign): (((f64, f64), f64), Sign)| Scale {
-            mean,
-            deviation,
-            weight,
-            is_nearness: sign.is_nearness,
-        };
+        let scales = means.into_iter().zip(deviations).zip(weights);
+        let scale = |((mean, deviation), weight)| Scale { mean, deviation, weight };
         Ok(Some(Self { scales: scales.map(scale).collect(), offset: offset[0] }))
     }
 }
@@ -229,7 +208,6 @@ impl Novelty {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::PatternsConfig;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -274,27 +252,6 @@ mod tests {
         let rest = [None, Some(0.5), Some(0.5)];
         let of = |first| novelty.of(&[&[first], &rest[..]].concat());
         assert!((of(Some(3.0)) - of(None)).abs() < 0.01 && (of(Some(-1e3)) - of(None)).abs() < 0.01);
-    }
-
-    #[test]
-    fn what_is_far_from_all_that_was_learned_is_new_whatever_left_out_rooms_taught() {
-        let config = Config::default().with_patterns(0.5, PatternsConfig::default());
-        let nearest_idx = all_signs(&config).position(|sign| sign.is_nearness).unwrap();
-        let mut random = ChaCha8Rng::seed_from_u64(3);
-        // Frames of left-out rooms are as near as others, and told by another sign.
-        let mut one = |idx: usize| {
-            let is_new = idx.is_multiple_of(4);
-            let mut signs: Signs = all_signs(&config).map(|_| Some(random.random::<f64>())).collect();
-            signs[0] = Some(random.random::<f64>() + if is_new { 0.0 } else { 2.0 });
-            Observed { signs, is_new }
-        };
-        let observed: Vec<Observed> = (0..400).map(&mut one).collect();
-        let novelty = Novelty::fit(&config, &observed).unwrap();
-        let typical: Signs = novelty.scales.iter().map(|scale| Some(scale.mean)).collect();
-        let mut strange = typical.clone();
-        strange[nearest_idx] =
-            Some(novelty.scales[nearest_idx].mean - 5.0 * novelty.scales[nearest_idx].deviation);
-        assert!(novelty.of(&typical) < 0.1 && novelty.of(&strange) > 0.9);
     }
 
     #[test]

@@ -80,8 +80,6 @@ pub(super) struct Sign {
     /// How much it counts where nothing is known of how well it tells, in standard deviations over frames of trained
     /// rooms.
     pub(super) prior_weight: f64,
-    /// Whether it tells how near what was learned is, so that a frame far below all frames of trained rooms is new.
-    pub(super) is_nearness: bool,
 }
 
 /// What a kind of opinion learns from frames, and says of them.

@@ -171,10 +171,8 @@ impl MachinesConfig {
 }
 
 /// What decision values of machines tell of how familiar a frame is; see [`signs_of`].
-pub(super) const MACHINE_SIGNS: [Sign; 2] = [
-    Sign { name: "value", prior_weight: 0.3, is_nearness: false },
-    Sign { name: "gap", prior_weight: 0.3, is_nearness: false },
-];
+pub(super) const MACHINE_SIGNS: [Sign; 2] =
+    [Sign { name: "value", prior_weight: 0.3 }, Sign { name: "gap", prior_weight: 0.3 }];
 
 /// The largest decision value, and how far it is above the second.
 pub(super) fn signs_of(values: &[f32]) -> [f32; 2] {

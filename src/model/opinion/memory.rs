@@ -129,11 +129,11 @@ impl MemoryConfig {
 const SIGNS: [Sign; 7] = [
     MACHINE_SIGNS[0],
     MACHINE_SIGNS[1],
-    Sign { name: "score", prior_weight: 0.3, is_nearness: false },
-    Sign { name: "score_gap", prior_weight: 0.3, is_nearness: false },
-    Sign { name: "share", prior_weight: 0.3, is_nearness: false },
-    Sign { name: "votes", prior_weight: 0.3, is_nearness: false },
-    Sign { name: "nearest", prior_weight: 0.3, is_nearness: true },
+    Sign { name: "score", prior_weight: 0.3 },
+    Sign { name: "score_gap", prior_weight: 0.3 },
+    Sign { name: "share", prior_weight: 0.3 },
+    Sign { name: "votes", prior_weight: 0.3 },
+    Sign { name: "nearest", prior_weight: 0.3 },
 ];
 
 /// The memory; frames are numbered as the model has learned them.

@@ -26,7 +26,7 @@ pub(in crate::model) struct Whole<C> {
 
 /// What an answer tells of how familiar a frame is: beside the decision values, the cosine to the nearest row.
 pub(super) const WHOLE_SIGNS: [Sign; 3] =
-    [MACHINE_SIGNS[0], MACHINE_SIGNS[1], Sign { name: "nearest", prior_weight: 0.5, is_nearness: true }];
+    [MACHINE_SIGNS[0], MACHINE_SIGNS[1], Sign { name: "nearest", prior_weight: 0.5 }];
 
 impl<C: WholeConfig> Whole<C> {
     /// Trains on kept rows alone, so that it does not matter when they came.
