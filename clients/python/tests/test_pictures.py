@@ -19,12 +19,12 @@ class Pictures(unittest.TestCase):
             (folder / "x.jpg").mkdir()
             os.mkfifo(folder / "pipe.jpg")
             files = {"1.JPG": b"x", "2": b"\xff\xd8\xff\xe0", "notes.txt": b"x", "._1.jpg": b"x"}
-            files |= {"x.jpg/10.png": b"x", "x.jpg/9.png": b"x"}
+            files |= {"x.jpg/10.png": b"x", "x.jpg/9.png": b"x", "\N{SUPERSCRIPT TWO}1.jpeg": b"x"}
             for file, content in files.items():
                 (folder / file).write_bytes(content)
             with contextlib.redirect_stderr(io.StringIO()) as told:
                 found = pictures(folder)
-            self.assertEqual([path.name for path in found], ["1.JPG", "2", "9.png", "10.png"])
+            self.assertEqual([path.name for path in found], ["1.JPG", "2", "9.png", "10.png", "\N{SUPERSCRIPT TWO}1.jpeg"])
             self.assertIn("._1.jpg and 2 more", told.getvalue())
 
     def test_a_folder_without_a_picture_is_an_error(self) -> None:

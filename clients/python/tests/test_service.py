@@ -1,18 +1,22 @@
 """Both clients against the real service, with simulated frames."""
 
+import asyncio
 import io
 import itertools
 import logging
+import shutil
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import unittest
+from pathlib import Path
 
 import numpy as np
 from PIL import Image
-from roomsight import AnswerEvent, AsyncClient, Client, ConnectionLost, Dropped, Error, Refused, Result
+from roomsight import AnswerEvent, AsyncClient, Client, ConnectionLost, Dropped, Error, Refused, Result, RoomsightError
 from running import PATIENCE_S, RunningService
 
 NO_IMAGE = b"this is no image"
@@ -105,6 +109,60 @@ class Service(RunningService, unittest.IsolatedAsyncioTestCase):
             answers = [event for event in told if isinstance(event, AnswerEvent)]
             self.assertEqual({answer.robot for answer in answers}, {"eve"})
 
+    def test_events_end_where_they_or_their_client_are_closed(self) -> None:
+        for closes_client in [False, True]:
+            client = Client(self.url)
+            events = client.events()
+            ended = threading.Event()
+            thread = threading.Thread(target=lambda: (list(events), ended.set()), daemon=True)
+            thread.start()
+            # Long enough to wait for an event, of which there are none.
+            time.sleep(0.2)
+            (client if closes_client else events).close()
+            thread.join(PATIENCE_S / 4)
+            self.assertTrue(ended.is_set(), f"closes_client {closes_client}")
+            self.assertEqual(list(events), [])
+            client.close()
+
+    async def test_events_that_are_awaited_end_too(self) -> None:
+        for closes_client in [False, True]:
+            client = AsyncClient(self.url)
+            events = await client.events()
+
+            async def read() -> "list[object]":
+                return [event async for event in events]
+
+            reading = asyncio.ensure_future(read())
+            await asyncio.sleep(0.2)
+            await (client if closes_client else events).close()
+            self.assertEqual(await asyncio.wait_for(reading, PATIENCE_S / 4), [], f"closes_client {closes_client}")
+            await client.close()
+
+    def test_events_end_with_their_with_and_without(self) -> None:
+        with Client(self.url) as client:
+            with client.events() as events, client.stream(robot="eve", mode="lossless") as stream:
+                stream.send(self.frames[0])
+                self.assertIsNotNone(next(events))
+            with Client(f"{self.url}/nowhere") as elsewhere, self.assertRaises(RoomsightError):
+                elsewhere.events()
+
+    async def test_one_version_and_one_robot(self) -> None:
+        with Client(self.url) as client, client.stream(robot="eve", mode="lossless") as stream:
+            version = client.version("simulated-lab", 1)
+            assert version.card is not None
+            self.assertTrue(version.card["simulated"])
+            self.assertIn("ready", [change.state for change in version.history])
+            self.assertIsNone(version.failure)
+            self.assertIsNone(version.shadow)
+            async with AsyncClient(self.url) as other:
+                self.assertEqual(await other.version("simulated-lab", 1), version)
+                self.assertEqual((await other.robot(stream.hello.stream)).robot, "eve")
+            self.assertEqual(client.robot(stream.hello.stream).stream, stream.hello.stream)
+            for nothing in [lambda: client.version("simulated-lab", 9), lambda: client.robot("nobody/../x")]:
+                with self.assertRaises(Refused) as refused:
+                    nothing()
+                self.assertEqual(refused.exception.problem.status, 404)
+
     async def test_models_are_changed_where_nobody_else_has(self) -> None:
         async with AsyncClient(self.url) as client:
             model = await client.model("simulated-lab")
@@ -173,6 +231,19 @@ class Service(RunningService, unittest.IsolatedAsyncioTestCase):
         command = [sys.executable, "-m", "roomsight", folder, "--url", self.url, "--rate", "100"]
         told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
         self.assertTrue(told.startswith(self.frames[0].name), told)
+
+    def test_the_command_names_pictures_by_their_folder_and_takes_rates_above_nothing(self) -> None:
+        with tempfile.TemporaryDirectory() as name:
+            for room in ["kitchen", "office"]:
+                (Path(name) / room).mkdir()
+                shutil.copy(self.frames[0], Path(name) / room / "1.jpeg")
+            command = [sys.executable, "-m", "roomsight", name, "--url", self.url, "--rate"]
+            told = subprocess.run([*command, "100"], check=True, capture_output=True, text=True).stdout
+            self.assertEqual([line.split("  ")[0] for line in told.splitlines()], ["kitchen/1.jpeg", "office/1.jpeg"])
+            for rate in ["0", "-1", "nan", "inf", "fast"]:
+                refused = subprocess.run([*command, rate], capture_output=True, text=True)
+                self.assertEqual(refused.returncode, 2)
+                self.assertIn("frames a second", refused.stderr)
 
     def test_an_address_where_nothing_is_is_told(self) -> None:
         with Client("http://127.0.0.1:1") as client:

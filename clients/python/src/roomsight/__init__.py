@@ -13,8 +13,8 @@
 ``AsyncClient`` has the same calls for ``asyncio``.
 """
 
-from .aio import AsyncClient, AsyncStream
-from .client import Client, Stream
+from .aio import AsyncClient, AsyncEvents, AsyncStream
+from .client import Client, Events, Stream
 from .errors import ConnectionLost, ProtocolError, Refused, RoomsightError
 from .events import AnswerEvent, Event, Lost, OtherEvent, RobotJoined, RobotLeft, ServingChanged
 from .messages import (
@@ -33,6 +33,7 @@ from .messages import (
 )
 from .types import (
     Answer,
+    Failure,
     Filtered,
     FrameCounts,
     FramePose,
@@ -46,6 +47,8 @@ from .types import (
     Problem,
     Robot,
     RoomProbability,
+    Shadow,
+    StateChange,
     Timings,
     Version,
 )
@@ -54,6 +57,7 @@ __all__ = [
     "Answer",
     "AnswerEvent",
     "AsyncClient",
+    "AsyncEvents",
     "AsyncStream",
     "Client",
     "Configured",
@@ -62,6 +66,8 @@ __all__ = [
     "Dropped",
     "Error",
     "Event",
+    "Events",
+    "Failure",
     "Filtered",
     "FrameCounts",
     "FramePose",
@@ -89,6 +95,8 @@ __all__ = [
     "RoomProbability",
     "RoomsightError",
     "ServingChanged",
+    "Shadow",
+    "StateChange",
     "Stream",
     "StreamLimits",
     "StreamSettings",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+import math
 import os
 import re
 import ssl
@@ -26,7 +28,7 @@ def main() -> int:
     parser.add_argument("--ca", help="the authority of the service's certificate, a file of PEM")
     parser.add_argument("--model", help="the model that answers (the default one)")
     parser.add_argument("--robot", help="the name of the robot")
-    parser.add_argument("--rate", type=float, default=5.0, help="frames a second (%(default)s)")
+    parser.add_argument("--rate", type=frame_rate, default=5.0, help="frames a second (%(default)s)")
     arguments = parser.parse_args()
     try:
         stream_frames(arguments, pictures(arguments.folder))
@@ -34,6 +36,15 @@ def main() -> int:
         print(f"roomsight: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def frame_rate(text: str) -> float:
+    """Frames a second. Raises argparse's error where they are none."""
+    with contextlib.suppress(ValueError):
+        rate = float(text)
+        if 0.0 < rate < math.inf:
+            return rate
+    raise argparse.ArgumentTypeError(f"{text!r} is no number of frames a second; give one above 0, such as 5")
 
 
 def pictures(folder: Path) -> list[Path]:
@@ -64,7 +75,7 @@ def is_hidden(path: Path) -> bool:
 def by_number(path: Path) -> list[tuple[int, str]]:
     """Sorts paths as people number pictures: 2.jpg before 10.jpg."""
     parts = re.split(r"(\d+)", str(path))
-    return [(int(part), "") if part.isdigit() else (0, part) for part in parts]
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
 
 
 def is_picture(path: Path) -> bool:
@@ -89,13 +100,14 @@ def stream_frames(arguments: argparse.Namespace, frames: list[Path]) -> None:
             due += 1.0 / arguments.rate
             stream.send(frame, captured_at_ns=time.time_ns())
             answer = stream.answer()
+            name = frame.relative_to(arguments.folder)
             if isinstance(answer, Result):
                 known = answer.filtered.known if answer.filtered else answer.answer.known
-                print(f"{frame.name}  {answer.room}  {answer.probability:.2f}  {'known' if known else why(answer)}")
+                print(f"{name}  {answer.room}  {answer.probability:.2f}  {'known' if known else why(answer)}")
             elif isinstance(answer, Dropped):
-                print(f"{frame.name}  dropped: {answer.reason}")
+                print(f"{name}  dropped: {answer.reason}")
             else:
-                print(f"{frame.name}  {answer.problem.title}: {answer.problem.detail}")
+                print(f"{name}  {answer.problem.title}: {answer.problem.detail}")
 
 
 def why(result: Result) -> str:

@@ -7,6 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from ssl import SSLContext
 from typing import Any, Optional, Union
+from weakref import WeakSet
 
 import httpx
 from websockets.asyncio.client import ClientConnection, connect
@@ -40,6 +41,7 @@ class AsyncClient(AsyncClosing):
             timeout=PATIENCE_S,
             verify=True if self._ssl is None else self._ssl,
         )
+        self._events: WeakSet[AsyncEvents] = WeakSet()
 
     async def recognize(
         self,
@@ -79,6 +81,10 @@ class AsyncClient(AsyncClosing):
         """One model, with its versions."""
         return calls.read_answer(Model, await self._call("GET", calls.model_url(name)))
 
+    async def version(self, name: str, version: int) -> Version:
+        """One version of a model, with its card."""
+        return calls.read_answer(Version, await self._call("GET", calls.model_url(name, "versions", version)))
+
     async def activate(self, name: str, version: int, *, epoch: Optional[int] = None) -> Version:
         """Lets a version serve. Where an ``epoch`` is given (``Model.epoch``) and what serves was changed since, it is
         ``Refused``; the same holds for the other changes."""
@@ -117,20 +123,22 @@ class AsyncClient(AsyncClosing):
         """The robots that stream, the first that came first."""
         return calls.read_answer(RobotList, await self._call("GET", "/v1/robots")).robots
 
-    async def events(self) -> AsyncIterator[Event]:
-        """What happens from now on, until the service ends or the loop is left. Ends with ``ConnectionLost``."""
+    async def robot(self, stream: str) -> Robot:
+        """One robot, by the name of its stream."""
+        return calls.read_answer(Robot, await self._call("GET", calls.robot_url(stream)))
+
+    async def events(self) -> AsyncEvents:
+        """What happens from now on."""
         try:
-            async with self._http.stream("GET", "/v1/events", timeout=calls.EVENTS_TIMEOUT) as response:
-                if not response.is_success:
-                    await response.aread()
-                    calls.check_done(response)
-                async for line in response.aiter_lines():
-                    event = read_event(line)
-                    if event is not None:
-                        yield event
+            response = await self._http.send(self._http.build_request(**calls.EVENTS_CALL), stream=True)
+            if not response.is_success:
+                await response.aread()
         except httpx.HTTPError as error:
             raise calls.lost(error) from error
-        raise ConnectionLost("the service ended the events")
+        calls.check_done(response)
+        events = AsyncEvents(response)
+        self._events.add(events)
+        return events
 
     async def is_ready(self) -> bool:
         """Whether the service answers frames."""
@@ -159,7 +167,9 @@ class AsyncClient(AsyncClosing):
         return await self._open({"session": point.session, "last_seq": point.last_seq}, point)
 
     async def close(self) -> None:
-        """Closes the connections of the calls. Streams are closed by themselves."""
+        """Closes the connections of the calls and of the events. Streams are closed by themselves."""
+        for events in list(self._events):
+            await events.close()
         await self._http.aclose()
 
     async def _change(
@@ -195,6 +205,40 @@ class AsyncClient(AsyncClosing):
             except (WebSocketException, OSError, asyncio.TimeoutError) as error:
                 raise calls.lost(error) from error
             return AsyncStream(socket, opened.pop_all(), Position(hello, point), hello)
+
+
+class AsyncEvents(AsyncClosing):
+    """What happens, as it happens. Made by ``AsyncClient.events``.
+
+    Ends where it, or its client, is closed, which another task may do; with ``ConnectionLost`` where the service
+    ends it.
+    """
+
+    def __init__(self, response: httpx.Response) -> None:
+        self._response = response
+        self._lines = response.aiter_lines()
+        self._is_closed = False
+
+    def __aiter__(self) -> AsyncEvents:
+        return self
+
+    async def __anext__(self) -> Event:
+        try:
+            async for line in self._lines:
+                event = read_event(line)
+                if event is not None:
+                    return event
+        except (httpx.HTTPError, httpx.StreamError) as error:
+            if not self._is_closed:
+                raise calls.lost(error) from error
+        if self._is_closed:
+            raise StopAsyncIteration
+        raise ConnectionLost("the service ended the events")
+
+    async def close(self) -> None:
+        """Ends the events, also for a task that waits for the next."""
+        self._is_closed = True
+        await self._response.aclose()
 
 
 class AsyncStream(AsyncClosing):

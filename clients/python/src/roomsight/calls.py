@@ -38,8 +38,12 @@ Archive = Union[bytes, "os.PathLike[str]", str]
 DEFAULT_URL = "http://127.0.0.1:8080"
 #: How long to wait for a connection or the answer to a call, in seconds.
 PATIENCE_S = 30.0
-#: Events may be far between; a connection that is gone is found by the system.
-EVENTS_TIMEOUT = httpx.Timeout(PATIENCE_S, read=None)
+#: The call for events, as arguments for httpx. They may be far between; a connection that is gone is found by the system.
+EVENTS_CALL: dict[str, Any] = {
+    "method": "GET",
+    "url": "/v1/events",
+    "timeout": httpx.Timeout(PATIENCE_S, read=None),
+}
 #: How long an upload may take, in seconds.
 UPLOAD_PATIENCE_S = 600.0
 
@@ -104,6 +108,11 @@ def model_url(name: str, *parts: Union[str, int]) -> str:
     return "/".join(["/v1/models", *(quote(str(part), safe="") for part in (name, *parts))])
 
 
+def robot_url(stream: str) -> str:
+    """The path of a robot."""
+    return f"/v1/robots/{quote(stream, safe='')}"
+
+
 def change_call(
     method: str, url: str, epoch: Optional[int] = None, body: Optional[dict[str, Any]] = None
 ) -> dict[str, Any]:
@@ -147,7 +156,7 @@ def refused(status: int, body: bytes, retry_after: Optional[str]) -> RoomsightEr
         problem = decode(Problem, _json(body, status))
     except ProtocolError as error:
         return error
-    return Refused(problem, float(retry_after) if retry_after and retry_after.isdigit() else None)
+    return Refused(problem, float(retry_after) if retry_after and retry_after.isdecimal() else None)
 
 
 def lost(error: Exception, point: Optional[ResumePoint] = None) -> RoomsightError:

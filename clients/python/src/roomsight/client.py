@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import socket
+import threading
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from ssl import SSLContext
 from typing import Any, Optional, Union
+from weakref import WeakSet, finalize
 
 import httpx
 from websockets.exceptions import WebSocketException
@@ -40,6 +43,7 @@ class Client(Closing):
             timeout=PATIENCE_S,
             verify=True if self._ssl is None else self._ssl,
         )
+        self._events: WeakSet[Events] = WeakSet()
 
     def recognize(
         self,
@@ -79,6 +83,10 @@ class Client(Closing):
         """One model, with its versions."""
         return calls.read_answer(Model, self._call("GET", calls.model_url(name)))
 
+    def version(self, name: str, version: int) -> Version:
+        """One version of a model, with its card."""
+        return calls.read_answer(Version, self._call("GET", calls.model_url(name, "versions", version)))
+
     def activate(self, name: str, version: int, *, epoch: Optional[int] = None) -> Version:
         """Lets a version serve. Where an ``epoch`` is given (``Model.epoch``) and what serves was changed since, it is
         ``Refused``; the same holds for the other changes."""
@@ -117,20 +125,22 @@ class Client(Closing):
         """The robots that stream, the first that came first."""
         return calls.read_answer(RobotList, self._call("GET", "/v1/robots")).robots
 
-    def events(self) -> Iterator[Event]:
-        """What happens from now on, until the service ends or the loop is left. Ends with ``ConnectionLost``."""
+    def robot(self, stream: str) -> Robot:
+        """One robot, by the name of its stream."""
+        return calls.read_answer(Robot, self._call("GET", calls.robot_url(stream)))
+
+    def events(self) -> Events:
+        """What happens from now on."""
         try:
-            with self._http.stream("GET", "/v1/events", timeout=calls.EVENTS_TIMEOUT) as response:
-                if not response.is_success:
-                    response.read()
-                    calls.check_done(response)
-                for line in response.iter_lines():
-                    event = read_event(line)
-                    if event is not None:
-                        yield event
+            response = self._http.send(self._http.build_request(**calls.EVENTS_CALL), stream=True)
+            if not response.is_success:
+                response.read()
         except httpx.HTTPError as error:
             raise calls.lost(error) from error
-        raise ConnectionLost("the service ended the events")
+        calls.check_done(response)
+        events = Events(response)
+        self._events.add(events)
+        return events
 
     def is_ready(self) -> bool:
         """Whether the service answers frames."""
@@ -159,7 +169,9 @@ class Client(Closing):
         return self._open({"session": point.session, "last_seq": point.last_seq}, point)
 
     def close(self) -> None:
-        """Closes the connections of the calls. Streams are closed by themselves."""
+        """Closes the connections of the calls and of the events. Streams are closed by themselves."""
+        for events in list(self._events):
+            events.close()
         self._http.close()
 
     def _change(
@@ -195,6 +207,48 @@ class Client(Closing):
             except (WebSocketException, OSError) as error:
                 raise calls.lost(error) from error
             return Stream(socket, opened.pop_all(), Position(hello, point), hello)
+
+
+class Events(Closing):
+    """What happens, as it happens. Made by ``Client.events``.
+
+    Ends where it, or its client, is closed, which another thread may do; with ``ConnectionLost`` where the service
+    ends it.
+    """
+
+    def __init__(self, response: httpx.Response) -> None:
+        self._response = response
+        self._lines = response.iter_lines()
+        self._reading = threading.RLock()
+        self._is_closed = False
+        # Whoever leaves the loop and forgets the events does not hold their connection.
+        finalize(self, response.close)
+
+    def __iter__(self) -> Events:
+        return self
+
+    def __next__(self) -> Event:
+        with self._reading:
+            try:
+                for line in self._lines:
+                    event = read_event(line)
+                    if event is not None:
+                        return event
+            except (httpx.HTTPError, httpx.StreamError) as error:
+                if not self._is_closed:
+                    raise calls.lost(error) from error
+        if self._is_closed:
+            raise StopIteration
+        raise ConnectionLost("the service ended the events")
+
+    def close(self) -> None:
+        """Ends the events, also for a thread that waits for the next."""
+        self._is_closed = True
+        # A thread that waits in the socket wakes up by nothing else.
+        with suppress(OSError):
+            self._response.extensions["network_stream"].get_extra_info("socket").shutdown(socket.SHUT_RDWR)
+        with self._reading:
+            self._response.close()
 
 
 class Stream(Closing):

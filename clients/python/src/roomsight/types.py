@@ -133,8 +133,39 @@ class Network:
 
 
 @dataclass(frozen=True)
+class StateChange:
+    """When (RFC 3339) another state came to be true of a version."""
+
+    state: str
+    at: str
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a version does not serve: what was wrong while ``verifying``, ``loading`` or ``warming``."""
+
+    stage: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """How a shadow compares with the stable version, in frames. ``mean_distance`` is that of their probabilities, from
+    0 (equal) to 1."""
+
+    compared: int
+    agreed: int
+    skipped: int
+    mean_distance: Optional[float] = None
+
+
+@dataclass(frozen=True)
 class Version:
-    """One version of a model. ``rooms`` are those that it tells apart; ``networks`` are empty where it needs none."""
+    """One version of a model. ``rooms`` are those that it tells apart; ``networks`` are empty where it needs none.
+
+    ``history`` are its last states, the oldest first; ``share`` is a canary's. ``card`` tells how it was trained, where
+    ``Client.version`` asks for it.
+    """
 
     version: int
     state: str
@@ -143,18 +174,24 @@ class Version:
     digest: Optional[str] = None
     rooms: Optional[list[str]] = None
     networks: list[Network] = field(default_factory=list)
+    history: list[StateChange] = field(default_factory=list)
+    failure: Optional[Failure] = None
+    share: Optional[float] = None
+    shadow: Optional[Shadow] = None
+    card: Optional[dict[str, Any]] = None
 
 
 @dataclass(frozen=True)
 class Model:
     """A model: its versions, the highest first, and the one that serves; ``default`` where it answers requests that
-    name none. ``epoch`` tells how often what serves was changed."""
+    name none. ``epoch`` tells how often what serves was changed, ``settled`` the highest version that ever had a label."""
 
     name: str
     versions: list[Version]
     serving: Optional[int] = None
     default: bool = False
     epoch: int = 0
+    settled: int = 0
 
 
 @dataclass(frozen=True)
