@@ -12,12 +12,18 @@ FROM rust:1-slim-bookworm AS build
 WORKDIR /src
 # The dependencies alone, with nothing of ours to compile: kept until they change.
 COPY Cargo.toml Cargo.lock ./
+COPY crates/client/Cargo.toml crates/client/
+COPY crates/lab/Cargo.toml crates/lab/
+COPY crates/protocol/Cargo.toml crates/protocol/
+COPY crates/recognition/Cargo.toml crates/recognition/
+COPY crates/vision/Cargo.toml crates/vision/
 COPY benches benches
 RUN mkdir src && echo 'fn main() {}' > src/main.rs && touch src/lib.rs \
-    && cargo build --profile dist --locked --bin roomsight && rm -r src
+    && for crate in crates/*; do mkdir $crate/src && touch $crate/src/lib.rs; done \
+    && cargo build --profile dist --locked --bin roomsight && rm -r src crates/*/src
 COPY . .
 # Files keep the times that they had, which may be before those of what was built of nothing.
-RUN touch src/main.rs src/lib.rs && cargo build --profile dist --locked --bin roomsight
+RUN touch src/*.rs crates/*/src/lib.rs crates/lab/build.rs && cargo build --profile dist --locked --bin roomsight
 
 FROM debian:bookworm-slim
 RUN groupadd --system --gid 10001 roomsight \

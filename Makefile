@@ -43,16 +43,16 @@ networks/.made: tools/networks.py tools/networks.txt $(STAMP)
 
 test: tools ## format, lints, all tests
 	cargo fmt --check
-	cargo clippy --all-targets $(FEATURES) -- -D warnings
-	cargo test $(FEATURES)
+	cargo clippy --workspace --all-targets $(FEATURES) -- -D warnings
+	cargo test --workspace $(FEATURES)
 	@$(MAKE) --no-print-directory test-python
 
 test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
-	  cargo build --tests $(FEATURES) && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
-	  cargo test $(FEATURES) --lib repository::bucket && \
-	  $(VENV)/bin/python tests/pictures/matrix.py $(PICTURES) && \
-	  ROOMSIGHT_PICTURES=$(PICTURES) cargo test $(FEATURES) --test pictures; \
+	  cargo build --workspace --tests $(FEATURES) && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
+	  cargo test --workspace $(FEATURES) --lib repository::bucket && \
+	  $(VENV)/bin/python crates/vision/tests/pictures/matrix.py $(PICTURES) && \
+	  ROOMSIGHT_PICTURES=$(CURDIR)/$(PICTURES) cargo test --workspace $(FEATURES) --test it pictures::; \
 	else \
 	  echo "LEFT OUT: the tests of the Python client, of Triton's, of buckets and of pictures beside Pillow's. They take python3 with venv, and its packages from an index." >&2; \
 	fi
@@ -82,7 +82,7 @@ bench: tools ## milliseconds a frame, step by step
 # The stable compiler instruments too where it is told to take the flags of the unstable one.
 fuzz: tools ## feed damaged input to all readers, MINUTES=1 each; TARGETS="pictures model" for some
 	@cargo fuzz --version >/dev/null 2>&1 || { echo "cargo-fuzz is missing: install it with \`cargo install --locked cargo-fuzz\`." >&2; exit 1; }
-	FUZZ_SEEDS=fuzz/corpus cargo test $(FEATURES) --test fuzzing
+	FUZZ_SEEDS=$(CURDIR)/fuzz/corpus cargo test --workspace $(FEATURES) --test it fuzzing::
 	@set -e; for target in $(TARGETS); do \
 	  echo "$$target:"; \
 	  RUSTC_BOOTSTRAP=1 TMPDIR=$(FUZZ_TMP) cargo fuzz run $$target -- \

@@ -9,12 +9,12 @@
 mod lab;
 
 use image::GrayImage;
-use roomsight::camera::{Camera, Projection};
-use roomsight::describe::{Descriptor, SiftDescriptor, SurfDescriptor};
-use roomsight::detect::{Detector, HarrisLaplace, Sift, Surf};
-use roomsight::image::Image;
-use roomsight::model::{Config, Extractor, MachinesConfig, Scratch};
-use roomsight::simulate::CameraKind;
+use roomsight_lab::simulate::CameraKind;
+use roomsight_recognition::model::{Config, Extractor, MachinesConfig, Scratch};
+use roomsight_vision::camera::{Camera, Projection};
+use roomsight_vision::describe::{Descriptor, SiftDescriptor, SurfDescriptor};
+use roomsight_vision::detect::{Detector, HarrisLaplace, Sift, Surf};
+use roomsight_vision::image::Image;
 use std::collections::BTreeMap;
 use std::env;
 use std::hint::black_box;

@@ -9,15 +9,15 @@ mod lab;
 
 use criterion::{BenchmarkGroup, Criterion, measurement::WallTime};
 use image::codecs::jpeg::JpegEncoder;
-use roomsight::camera::{Camera, Mirror, Projection};
-use roomsight::image::{Image, Limits};
-use roomsight::matrix::Matrix;
-use roomsight::model::{
+use roomsight_lab::simulate::CameraKind;
+use roomsight_recognition::model::{
     Config, Extractor, Features, LocalFeatures, Model, Representation, Sample, Scratch, Seen,
 };
-use roomsight::simulate::CameraKind;
-use roomsight::svm::{self, Calibration, LinearSvm};
-use roomsight::vocabulary::{Described, Vocabulary};
+use roomsight_recognition::svm::{self, Calibration, LinearSvm};
+use roomsight_recognition::vocabulary::{Described, Vocabulary};
+use roomsight_vision::camera::{Camera, Mirror, Projection};
+use roomsight_vision::image::{Image, Limits};
+use roomsight_vision::matrix::Matrix;
 use std::hint::black_box;
 use std::time::Duration;
 

@@ -9,12 +9,12 @@ mod lab;
 
 use image::DynamicImage;
 use rayon::prelude::*;
-use roomsight::camera::{Camera, Mirror, Projection};
-use roomsight::image::Image;
-use roomsight::matrix::Matrix;
-use roomsight::model::{Classifier, Config, Extractor, Model, Representation, Sample, Scratch};
-use roomsight::simulate::CameraKind;
-use roomsight::svm::{DescriptorSet, MatchConfig, MatchSvm};
+use roomsight_lab::simulate::CameraKind;
+use roomsight_recognition::model::{Classifier, Config, Extractor, Model, Representation, Sample, Scratch};
+use roomsight_recognition::svm::{DescriptorSet, MatchConfig, MatchSvm};
+use roomsight_vision::camera::{Camera, Mirror, Projection};
+use roomsight_vision::image::Image;
+use roomsight_vision::matrix::Matrix;
 use std::hint::black_box;
 use std::time::Instant;
 

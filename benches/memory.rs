@@ -8,8 +8,8 @@
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use roomsight::matrix::Matrix;
-use roomsight::memory::{Config, Memory, Origin, Prepared};
+use roomsight_recognition::memory::{Config, Memory, Origin, Prepared};
+use roomsight_vision::matrix::Matrix;
 
 const N_FRAMES: usize = 1600;
 const N_PLACES: usize = 25;

@@ -6,8 +6,8 @@
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use roomsight::model::DEFAULT_NETWORK;
-use roomsight::network::{Network, Runtime, Session, Size};
+use roomsight_recognition::model::DEFAULT_NETWORK;
+use roomsight_vision::network::{Network, Runtime, Session, Size};
 use std::env;
 use std::hint::black_box;
 use std::path::PathBuf;

@@ -9,10 +9,10 @@
 
 mod service;
 
-use roomsight::client::Client;
-use roomsight::image::{Image, Limits};
-use roomsight::model::{Model, Scratch};
-use roomsight::protocol::stream::{Configure, Mode, ServerMessage};
+use roomsight_client::Client;
+use roomsight_protocol::stream::{Configure, Mode, ServerMessage};
+use roomsight_recognition::model::{Model, Scratch};
+use roomsight_vision::image::{Image, Limits};
 use service::{MODEL, Service, cpu_seconds, frames, memory_kib};
 use std::path::Path;
 use std::sync::Arc;

@@ -12,11 +12,12 @@
 mod service;
 
 use hdrhistogram::Histogram;
-use roomsight::client::Client;
-use roomsight::model::{GOLDEN_FOLDER, write_about};
-use roomsight::protocol::rest::{Answer, RecognizeQuery};
-use roomsight::protocol::stream::{Configure, Mode, ServerMessage};
-use roomsight::repository::{VersionId, package};
+use roomsight::repository::package;
+use roomsight_client::Client;
+use roomsight_protocol::rest::{Answer, RecognizeQuery};
+use roomsight_protocol::stream::{Configure, Mode, ServerMessage};
+use roomsight_protocol::version_id::VersionId;
+use roomsight_recognition::model::{GOLDEN_FOLDER, write_about};
 use service::{MODEL, Service, frames_of, memory_kib};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

@@ -29,9 +29,9 @@ mod train;
 mod tune;
 mod validate;
 
-use crate::network::Runtime;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use manners::Manners;
+use roomsight_vision::network::Runtime;
 use std::ffi::OsStr;
 use std::io;
 use std::path::{Path, PathBuf};

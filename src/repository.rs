@@ -1,6 +1,6 @@
 //! Which versions of which models there are, and which are to serve.
 //!
-//! A repository is a folder `NAME/VERSION/`, each version as [`crate::model`] writes it, with a record
+//! A repository is a folder `NAME/VERSION/`, each version as [`roomsight_recognition::model`] writes it, with a record
 //! `NAME/serving.json` of what is to serve. It may also lie in a bucket of an S3-compatible store, or be one
 //! model's own folder, which is only read.
 //!
@@ -9,7 +9,6 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | `name` | how models and versions are called |
 //! | `record`, `change` | what is to serve, and what may be wanted instead |
 //! | `default` | which model answers requests that name none |
 //! | `folder`, `bucket`, `single` | the kinds of repositories |
@@ -22,7 +21,6 @@ mod change;
 mod default;
 mod fingerprint;
 mod folder;
-mod name;
 mod networks;
 pub mod package;
 mod record;
@@ -33,11 +31,11 @@ pub use change::{Change, Role};
 pub use default::DefaultModel;
 pub use fingerprint::Fingerprint;
 pub use folder::Folder;
-pub use name::{MAX_VERSION, VersionId, is_name, version_number};
 pub use record::{Canary, Record, RecordError};
 pub use single::Single;
 
-use crate::model::MODEL_FILE;
+use roomsight_protocol::version_id::{VersionId, VersionIdError};
+use roomsight_recognition::model::MODEL_FILE;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, ErrorKind};
@@ -86,15 +84,9 @@ pub enum RepositoryError {
         /// Why not.
         source: io::Error,
     },
-    /// A name that could lead elsewhere.
-    #[error(
-        "{0:?} is no name of a model or version: names have letters, digits, - _ and dots inside, versions \
-         are whole numbers of at most {MAX_VERSION} without sign and leading zeros, such as 7"
-    )]
-    Name(String),
-    /// All numbers are used up.
-    #[error("no number is left above the highest version; give an unused one, as NAME/VERSION")]
-    NoNumber,
+    /// What was asked for is called as nothing can be.
+    #[error(transparent)]
+    Id(#[from] VersionIdError),
     /// It is not there.
     #[error("there is no version {0}")]
     NoVersion(VersionId),

@@ -72,6 +72,7 @@ mod upload;
 mod watch;
 mod write_timeout;
 
+pub use api::network_infos;
 pub use asyncapi::stream_document;
 pub use auth::{Key, KeyError, Role};
 pub use listen::serve;

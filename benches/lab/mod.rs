@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 
-use roomsight::simulate::{Illumination, Lab, Part, Route, SequenceSpec, Simulation};
+use roomsight_lab::simulate::{Illumination, Lab, Part, Route, SequenceSpec, Simulation};
 
 /// Saarbruecken, part B, standard path, cloudy.
 pub fn drive(frames_per_second: f32) -> Simulation {

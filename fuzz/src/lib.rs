@@ -8,19 +8,19 @@ mod service;
 
 pub use service::{exchange, robots_key, service, start_service};
 
-use roomsight::camera::{Camera, Projection};
-use roomsight::dataset;
-use roomsight::filter::{Observation, RoomFilter, Step, Transitions, Trust};
-use roomsight::image::{Image, Limits};
-use roomsight::model::{self, Config, Model, NetworkStore, Scratch, try_model};
-use roomsight::network::{Description, Network, NetworkError};
-use roomsight::protocol::header::Header;
-use roomsight::protocol::oip::request::Inference;
-use roomsight::protocol::oip::{IndexRequest, LoadRequest};
-use roomsight::protocol::rest::FrameJson;
-use roomsight::protocol::stream::{ClientMessage, StreamQuery};
 use roomsight::repository::package;
 use roomsight::server::Settings;
+use roomsight_lab::dataset;
+use roomsight_protocol::header::Header;
+use roomsight_protocol::oip::request::Inference;
+use roomsight_protocol::oip::{IndexRequest, LoadRequest};
+use roomsight_protocol::rest::FrameJson;
+use roomsight_protocol::stream::{ClientMessage, StreamQuery};
+use roomsight_recognition::filter::{Observation, RoomFilter, Step, Transitions, Trust};
+use roomsight_recognition::model::{self, Config, Model, NetworkStore, Scratch, try_model};
+use roomsight_vision::camera::{Camera, Projection};
+use roomsight_vision::image::{Image, Limits};
+use roomsight_vision::network::{Description, Network, NetworkError};
 use std::fs;
 use std::path::Path;
 use tempfile::TempDir;
@@ -160,7 +160,7 @@ pub fn stream(bytes: &[u8]) {
         let text = serde_json::to_string(&message).expect("a message can be written");
         assert_eq!(serde_json::from_str::<ClientMessage>(&text).expect("and read"), message);
         let ClientMessage::Configure(change) = message;
-        if let Some(roomsight::protocol::stream::FilterChoice::With(filter)) = change.filter {
+        if let Some(roomsight_protocol::stream::FilterChoice::With(filter)) = change.filter {
             let _refusal = Trust::try_from(filter.trust);
         }
     }

@@ -3,11 +3,13 @@
 use super::contact_sheet::{self, Card, Section};
 use super::data::{self, ConfigArgs, DataArgs, LimitArgs};
 use super::output::{self, say};
-use crate::check::{Examined, Finding, Oddity};
-use crate::dataset::{Dataset, Described};
-use crate::model::{Candidate, Extractor, Sample, TrainError, Unit, all_opinions, answer_held_out};
 use anyhow::Context;
 use clap::Args;
+use roomsight_lab::check::{Examined, Finding, Oddity};
+use roomsight_lab::dataset::{Dataset, Described};
+use roomsight_recognition::model::{
+    Candidate, Extractor, Sample, TrainError, Unit, all_opinions, answer_held_out,
+};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io;

@@ -2,14 +2,14 @@
 
 use super::data;
 use crate::cli::manners::note;
-use crate::image::{Image, Limits};
-use crate::page::{escape, page};
 use anyhow::Context;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use image::codecs::jpeg::JpegEncoder;
 use image::{RgbImage, imageops};
 use rayon::prelude::*;
+use roomsight_lab::page::{escape, page};
+use roomsight_vision::image::{Image, Limits};
 use std::fs;
 use std::path::{Path, PathBuf};
 

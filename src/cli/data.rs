@@ -5,15 +5,15 @@ mod config;
 pub(super) use config::ConfigArgs;
 
 use super::output;
-use crate::camera::CameraKind;
-use crate::check::other_camera;
 use crate::cli::manners::note;
-use crate::dataset::{self, Dataset, Described, Problem, Tree};
-use crate::image::{Image, Limits};
-use crate::model::{Extractor, LoadedModel, MODEL_FILE, Model};
 use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
+use roomsight_lab::check::other_camera;
+use roomsight_lab::dataset::{self, Dataset, Described, Problem, Tree};
+use roomsight_recognition::model::{Extractor, LoadedModel, MODEL_FILE, Model};
+use roomsight_vision::camera::CameraKind;
+use roomsight_vision::image::{Image, Limits};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::Read;
@@ -290,7 +290,7 @@ fn some(described: Described, dataset: &Dataset) -> anyhow::Result<Described> {
 
 /// Whether a data set was written by `roomsight simulate`.
 pub(super) fn is_simulated(data: &Path) -> bool {
-    data.ancestors().any(|folder| folder.join(crate::simulate::MARKER_FILE).is_file())
+    data.ancestors().any(|folder| folder.join(roomsight_lab::simulate::MARKER_FILE).is_file())
 }
 
 /// Tells on standard error what a data set leaves out and what is odd about it.

@@ -4,11 +4,11 @@
 
 use super::output::{program, quoted, say};
 use super::serve;
-use crate::client::http;
-use crate::dataset::{self, Frame};
 use crate::server::{self, App, Settings};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use roomsight_client::http;
+use roomsight_lab::dataset::{self, Frame};
 use serde::Deserialize;
 use std::fs;
 use std::future::{Future, pending};

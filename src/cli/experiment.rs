@@ -2,15 +2,15 @@
 
 use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
-use crate::camera::CameraKind;
 use crate::cli::manners::note;
-use crate::dataset::{self, Dataset};
-use crate::experiment::report::{self, Data, Entry, Origin, Report, Table, Value};
-use crate::experiment::{self, Cache, Drives, Experiment, Paper, Plan};
-use crate::model::{Config, Representation, all_opinions};
 use anyhow::{Context, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
+use roomsight_lab::dataset::{self, Dataset};
+use roomsight_lab::experiment::report::{self, Data, Entry, Origin, Report, Table, Value};
+use roomsight_lab::experiment::{self, Cache, Drives, Experiment, Paper, Plan};
+use roomsight_recognition::model::{Config, Representation, all_opinions};
+use roomsight_vision::camera::CameraKind;
 use std::collections::BTreeMap;
 use std::env;
 use std::fs;

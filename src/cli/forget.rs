@@ -2,9 +2,9 @@
 
 use super::data;
 use super::output::{self, say};
-use crate::model::Forgotten;
 use anyhow::bail;
 use clap::Args;
+use roomsight_recognition::model::Forgotten;
 use std::path::PathBuf;
 
 /// Write a model that has forgotten drives or rooms

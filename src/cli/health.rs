@@ -2,10 +2,10 @@
 
 use super::output::say;
 use super::serve::environment;
-use crate::client::http;
 use crate::server::Settings;
 use anyhow::{Context, bail};
 use clap::Args;
+use roomsight_client::http;
 use std::collections::HashMap;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::path::PathBuf;

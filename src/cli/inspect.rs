@@ -2,13 +2,13 @@
 
 use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
-use crate::camera::{Camera, CameraKind, Projection};
-use crate::image::{Image, Limits};
-use crate::model::{Extractor, Features, LoadedModel, Scratch, Seen, Sight, Size};
-use crate::protocol::rest::NetworkInfo;
+use crate::server::network_infos;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
+use roomsight_recognition::model::{Extractor, Features, LoadedModel, Scratch, Seen, Sight, Size};
+use roomsight_vision::camera::{Camera, CameraKind, Projection};
+use roomsight_vision::image::{Image, Limits};
 use std::path::{Path, PathBuf};
 
 const KEYPOINT_COLOR: Rgb<u8> = Rgb([255, 70, 50]);
@@ -72,7 +72,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     for (name, size) in model.sizes() {
         add(&format!("opinion {name}"), format!("counts {:.2}; {}", model.weights()[name], size_text(&size)));
     }
-    for network in NetworkInfo::all_of(model) {
+    for network in network_infos(model) {
         add("network", output::network_text(&network));
     }
     add("digest", digest.clone());

@@ -7,12 +7,13 @@ pub(super) use local::Local;
 
 use super::output::say;
 use super::service::ServiceArgs;
-use crate::client::Client;
-use crate::protocol::rest::{LabelJson, ModelInfo, VersionInfo};
 use crate::repository::package::pack;
-use crate::repository::{Canary, Change, VersionId, is_name};
+use crate::repository::{Canary, Change};
 use anyhow::{Context, bail};
 use clap::{Args, Subcommand, ValueEnum};
+use roomsight_client::Client;
+use roomsight_protocol::rest::{LabelJson, ModelInfo, VersionInfo};
+use roomsight_protocol::version_id::{VersionId, is_name};
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::{fs, io};

@@ -1,11 +1,11 @@
 //! What all commands share in what they print: progress bars and tables.
 
 use super::manners::Manners;
-use crate::evaluate::{Evaluation, Knowledge, N_BINS, Rate};
-use crate::model::{Addition, Card};
-use crate::protocol::rest::NetworkInfo;
 use comfy_table::{ColumnConstraint, ContentArrangement, Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use roomsight_lab::evaluate::{Evaluation, Knowledge, N_BINS, Rate};
+use roomsight_protocol::rest::NetworkInfo;
+use roomsight_recognition::model::{Addition, Card};
 use std::env;
 use std::io;
 use std::ops::Deref;

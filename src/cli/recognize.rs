@@ -2,12 +2,12 @@
 
 use super::data::{self, LimitArgs};
 use super::output::{self, say};
-use crate::check::other_camera;
 use crate::cli::manners::note;
-use crate::model::{Features, Model, NearFrame, PoseEstimate, Recognition, Scratch, Unknown};
-use crate::protocol::rest::NearestFrame;
 use anyhow::bail;
 use clap::Args;
+use roomsight_lab::check::other_camera;
+use roomsight_protocol::rest::NearestFrame;
+use roomsight_recognition::model::{Features, Model, NearFrame, PoseEstimate, Recognition, Scratch, Unknown};
 use serde::Serialize;
 use std::io;
 use std::path::{Path, PathBuf};

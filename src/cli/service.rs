@@ -1,8 +1,8 @@
 //! How commands call a service.
 
-use crate::client::Client;
 use anyhow::Context;
 use clap::Args;
+use roomsight_client::Client;
 use std::fs;
 use std::path::PathBuf;
 

@@ -1,12 +1,12 @@
 //! `roomsight simulate`: writes sequences of the simulated lab.
 
 use super::output::{self, say};
-use crate::simulate::{
-    CameraKind, Illumination, Lab, Part, Route, SequenceSpec, SequenceSummary, Simulation,
-};
 use anyhow::Context;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
+use roomsight_lab::simulate::{
+    CameraKind, Illumination, Lab, Part, Route, SequenceSpec, SequenceSummary, Simulation,
+};
 use std::io;
 use std::path::PathBuf;
 

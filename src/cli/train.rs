@@ -10,20 +10,20 @@ use super::data::{self, ConfigArgs, DataArgs, LimitArgs};
 use super::models::{self, CacheArgs, Local};
 use super::output::{self, GateFailed, say};
 use crate::cli::manners::note;
-use crate::dataset::{Dataset, Described};
-use crate::evaluate::Evaluation;
-use crate::image::Limits;
-use crate::model::{
-    Addition, Card, Choice, Extractor, GoldenFrame, HeldOut, LeftOut, Measurement, Model, Sample, Training,
-    TrainingStep, all_opinions, train_preferred,
-};
-use crate::repository::VersionId;
-use crate::validate::{self, Answered};
 use anyhow::{Context, bail};
 use clap::Args;
 use compare::Comparison;
 use curve::LearningCurve;
 use not_held_out::NotHeldOut;
+use roomsight_lab::dataset::{Dataset, Described};
+use roomsight_lab::evaluate::Evaluation;
+use roomsight_lab::validate::{self, Answered};
+use roomsight_protocol::version_id::VersionId;
+use roomsight_recognition::model::{
+    Addition, Card, Choice, Extractor, GoldenFrame, HeldOut, LeftOut, Measurement, Model, Sample, Training,
+    TrainingStep, all_opinions, train_preferred,
+};
+use roomsight_vision::image::Limits;
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

@@ -2,13 +2,15 @@
 
 use super::data::{self, ConfigArgs, DataArgs, FoldArgs, LimitArgs};
 use super::output::{self, say};
-use crate::camera::Camera;
-use crate::dataset::{Dataset, Described};
-use crate::evaluate::Summary;
-use crate::model::{Candidate, Config, Extractor, OpinionConfig, TrainError, Tries, all_opinions};
-use crate::validate::{self, Method, Protocol};
 use anyhow::{Context, bail};
 use clap::Args;
+use roomsight_lab::dataset::{Dataset, Described};
+use roomsight_lab::evaluate::Summary;
+use roomsight_lab::validate::{self, Method, Protocol};
+use roomsight_recognition::model::{
+    Candidate, Config, Extractor, OpinionConfig, TrainError, Tries, all_opinions,
+};
+use roomsight_vision::camera::Camera;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;

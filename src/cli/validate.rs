@@ -2,14 +2,14 @@
 
 use super::data::{self, ConfigArgs, DataArgs, FoldArgs, LimitArgs};
 use super::output::{self, say};
-use crate::dataset::{Dataset, Described};
-use crate::evaluate::{Evaluation, Knowledge, Rate, Summary};
-use crate::image::Limits;
-use crate::model::{Config, Extractor, Sample, all_opinions};
-use crate::validate::{self, Answered, Cost, Method, Protocol, Round, Trained};
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use rayon::prelude::*;
+use roomsight_lab::dataset::{Dataset, Described};
+use roomsight_lab::evaluate::{Evaluation, Knowledge, Rate, Summary};
+use roomsight_lab::validate::{self, Answered, Cost, Method, Protocol, Round, Trained};
+use roomsight_recognition::model::{Config, Extractor, Sample, all_opinions};
+use roomsight_vision::image::Limits;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;

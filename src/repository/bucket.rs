@@ -21,18 +21,17 @@ mod remote;
 #[cfg(test)]
 mod tests;
 
-use super::default::DEFAULT_FILE;
-use super::name::check_name;
 use super::package::{self, Limits, is_file_of_version, is_network};
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
 use super::{
-    DefaultModel, Fingerprint, Folder, Listing, Record, RepositoryError, Scan, VersionId,
-    check_default_later, check_later, io_error, is_name, version_number,
+    DefaultModel, Fingerprint, Folder, Listing, Record, RepositoryError, Scan, check_default_later,
+    check_later, io_error,
 };
-use crate::model::{self, ABOUT_FILE, MAX_SIDE_FILE_BYTES, MODEL_FILE, VerifiedFile};
 use object_store::PutMode;
 use object_store::aws::AmazonS3Builder;
 use remote::{Object, Remote};
+use roomsight_protocol::version_id::{DEFAULT_FILE, VersionId, check_name, is_name, version_number};
+use roomsight_recognition::model::{self, ABOUT_FILE, MAX_SIDE_FILE_BYTES, MODEL_FILE, VerifiedFile};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,12 +1,9 @@
 //! Which model answers requests that name none. It is kept in the repository, so that it stays over a restart, is the
 //! same for all services of one repository, and no other model takes its place by coming first in the alphabet.
 
-use super::is_name;
 use super::record::MAX_EPOCH;
+use roomsight_protocol::version_id::is_name;
 use serde::{Deserialize, Serialize};
-
-/// The file that names it, in the repository.
-pub(super) const DEFAULT_FILE: &str = "default.json";
 
 /// What somebody has said about the default model.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -1,6 +1,6 @@
 //! Tells whether the files of a version are those that they were.
 
-use crate::model::NETWORKS_FOLDER;
+use roomsight_recognition::model::NETWORKS_FOLDER;
 use serde::{Deserialize, Serialize};
 use std::fs::{self, Metadata};
 use std::io;

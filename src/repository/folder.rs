@@ -8,14 +8,13 @@
 //! anywhere, and be exchanged for others while a service runs. So no path is resolved once and for all. Links come
 //! from operators alone: nobody uploads one.
 
-use super::default::DEFAULT_FILE;
-use super::name::check_name;
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
 use super::{
-    DefaultModel, Fingerprint, Listing, Record, RepositoryError, Scan, VersionId, check_default_later,
-    check_later, io_error, is_name, networks, package, version_number,
+    DefaultModel, Fingerprint, Listing, Record, RepositoryError, Scan, check_default_later, check_later,
+    io_error, networks, package,
 };
-use crate::model::{self, MODEL_FILE};
+use roomsight_protocol::version_id::{DEFAULT_FILE, VersionId, check_name, is_name, version_number};
+use roomsight_recognition::model::{self, MODEL_FILE};
 use serde::Serialize;
 use std::collections::BTreeSet;
 use std::fs::{self, File};

@@ -4,7 +4,7 @@
 //! were alone, and the last to go takes the network with it. Where a file system has no links, or between two of
 //! them, a version keeps a copy of its own.
 
-use crate::model::{self, NETWORKS_FOLDER, NetworkEntry};
+use roomsight_recognition::model::{self, NETWORKS_FOLDER, NetworkEntry};
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -91,8 +91,9 @@ fn are_equal(one: &Path, other: &Path) -> io::Result<bool> {
 #[cfg(unix)]
 mod tests {
     use super::*;
-    use crate::model::{ABOUT_FILE, Digest, MODEL_FILE, VerifiedFile};
-    use crate::repository::{Repository, VersionId, package};
+    use crate::repository::{Repository, package};
+    use roomsight_protocol::version_id::VersionId;
+    use roomsight_recognition::model::{ABOUT_FILE, Digest, MODEL_FILE, VerifiedFile};
     use serde_json::json;
     use std::os::unix::fs::MetadataExt;
     use tempfile::TempDir;

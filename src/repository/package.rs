@@ -13,13 +13,13 @@ mod tests;
 mod unpacker;
 mod zip;
 
-use crate::model::{
-    self, ABOUT_FILE, Digest, GOLDEN_FOLDER, LoadError, MAX_MODEL_BYTES, MAX_NETWORK_BYTES,
-    MAX_SIDE_FILE_BYTES, MODEL_FILE, NETWORKS_FOLDER,
-};
 use ::tar::{Builder, Header};
 use flate2::read::MultiGzDecoder;
 use form::Form;
+use roomsight_recognition::model::{
+    self, ABOUT_FILE, Digest, GOLDEN_FOLDER, LoadError, MAX_MODEL_BYTES, MAX_NETWORK_BYTES,
+    MAX_SIDE_FILE_BYTES, MODEL_FILE, NETWORKS_FOLDER,
+};
 use std::fs::{self, File};
 use std::io::{self, BufReader, ErrorKind, Read, Seek, Write};
 use std::path::{Path, PathBuf};

@@ -1,7 +1,7 @@
 //! One model's own folder, as `train` writes it; nothing is changed in it.
 
-use super::name::version_number;
-use super::{Fingerprint, Listing, RepositoryError, Scan, VersionId, io_error, is_name};
+use super::{Fingerprint, Listing, RepositoryError, Scan, io_error};
+use roomsight_protocol::version_id::{VersionId, is_name, version_number};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -4,8 +4,8 @@ use super::body::Frame;
 use super::problem::Problem;
 use super::query::Asked;
 use super::{App, api, recognize};
-use crate::protocol::event::{AnswerEvent, Event};
-use crate::protocol::rest::Answer;
+use roomsight_protocol::event::{AnswerEvent, Event};
+use roomsight_protocol::rest::Answer;
 
 /// Recognizes the frames of one request, all of them or, where the queue has no room, none.
 pub async fn answers(
@@ -19,7 +19,7 @@ pub async fn answers(
         jobs.map(|(slot, frame)| recognize::recognize(&app, slot, frame, asked.task.clone())).collect();
     let mut answers = Vec::with_capacity(waiting.len());
     for seen in waiting {
-        let answer = seen.await.map(|seen| Answer::new(seen, &asked.query, &asked.context.id));
+        let answer = seen.await.map(|seen| api::answer(seen, &asked.query, &asked.context.id));
         if let Ok(answer) = &answer {
             app.events.tell(|| {
                 let latency = asked.context.arrived.elapsed();

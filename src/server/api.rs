@@ -5,42 +5,40 @@ use super::recognize::{Reasons, Seen, Timings};
 use super::registry::{
     CANARY, Entry, Failure, PREVIOUS, Registry, SHADOW, STABLE, ServedModel, Serving, Tally, Version,
 };
-use crate::model::{self, Evidence, Model, NearFrame, NetworkEntry, Pose, PoseEstimate};
-use crate::protocol::rest::{
+use roomsight_protocol::rest::{
     Answer, BatchResult, FailureInfo, FramePose, KeypointEvidence, KindInfo, ModelInfo, ModelName,
     NearestFrame, NetworkInfo, RecognizeQuery, RoomProbability, ShadowInfo, TimingsMs, Unknown, VersionInfo,
 };
+use roomsight_recognition::model::{self, Evidence, Model, NearFrame, NetworkEntry, Pose, PoseEstimate};
 use std::sync::Arc;
 use std::time::Duration;
 
 /// How many hexadecimal digits of a model's digest an answer carries.
 const DIGEST_PREFIX: usize = 16;
 
-impl Answer {
-    /// What a caller reads of what was seen.
-    pub fn new(seen: Seen, query: &RecognizeQuery, request_id: &str) -> Self {
-        let served = &seen.served;
-        let places = served.model.places();
-        let recognition = &seen.recognition;
-        let Why { evidence, nearest, pose } = seen.why.map_or_else(Why::default, |why| Why::of(why, places));
-        Self {
-            room: places[recognition.place_idx].clone(),
-            known: recognition.known,
-            unknown: recognition.unknown.map(Unknown::from),
-            novelty: recognition.novelty,
-            probability: recognition.probabilities[recognition.place_idx],
-            probabilities: rooms(places, &recognition.probabilities, query.top),
-            model: ModelName::from(&**served),
-            keypoints: recognition.n_keypoints,
-            damaged_rows: seen.damaged_rows,
-            timings_ms: TimingsMs::from(seen.timings),
-            request_id: request_id.to_owned(),
-            robot: query.robot.clone(),
-            captured_at: query.captured_at.clone(),
-            evidence,
-            nearest,
-            pose,
-        }
+/// What a caller reads of what was seen.
+pub fn answer(seen: Seen, query: &RecognizeQuery, request_id: &str) -> Answer {
+    let served = &seen.served;
+    let places = served.model.places();
+    let recognition = &seen.recognition;
+    let Why { evidence, nearest, pose } = seen.why.map_or_else(Why::default, |why| Why::of(why, places));
+    Answer {
+        room: places[recognition.place_idx].clone(),
+        known: recognition.known,
+        unknown: recognition.unknown.map(unknown),
+        novelty: recognition.novelty,
+        probability: recognition.probabilities[recognition.place_idx],
+        probabilities: rooms(places, &recognition.probabilities, query.top),
+        model: ModelName::from(&**served),
+        keypoints: recognition.n_keypoints,
+        damaged_rows: seen.damaged_rows,
+        timings_ms: TimingsMs::from(seen.timings),
+        request_id: request_id.to_owned(),
+        robot: query.robot.clone(),
+        captured_at: query.captured_at.clone(),
+        evidence,
+        nearest,
+        pose,
     }
 }
 
@@ -59,22 +57,20 @@ impl Why {
         };
         let posed = |PoseEstimate { pose: Pose { x, y, angle }, radius }| FramePose { x, y, angle, radius };
         Self {
-            evidence: Some(evidence.into_iter().map(KeypointEvidence::from).collect()),
+            evidence: Some(evidence.into_iter().map(keypoint_evidence).collect()),
             nearest: Some(nearest.into_iter().map(near).collect()),
             pose: pose.map(posed),
         }
     }
 }
 
-impl From<model::Unknown> for Unknown {
-    fn from(why: model::Unknown) -> Self {
-        match why {
-            model::Unknown::Unsure => Self::Unsure,
-            model::Unknown::NewPlace => Self::NewPlace,
-            model::Unknown::NoDetail => Self::NoDetail,
-            model::Unknown::Dark => Self::Dark,
-            model::Unknown::Covered => Self::Covered,
-        }
+fn unknown(why: model::Unknown) -> Unknown {
+    match why {
+        model::Unknown::Unsure => Unknown::Unsure,
+        model::Unknown::NewPlace => Unknown::NewPlace,
+        model::Unknown::NoDetail => Unknown::NoDetail,
+        model::Unknown::Dark => Unknown::Dark,
+        model::Unknown::Covered => Unknown::Covered,
     }
 }
 
@@ -98,14 +94,12 @@ impl From<&ServedModel> for ModelName {
     }
 }
 
-impl BatchResult {
-    /// What a caller reads of one frame of a batch.
-    pub fn new(result: Result<Answer, Problem>, request_id: &str) -> Self {
-        result.map_or_else(
-            |problem| Self::Error(problem.body(request_id)),
-            |answer| Self::Answer(Box::new(answer)),
-        )
-    }
+/// What a caller reads of one frame of a batch.
+pub fn batch_result(result: Result<Answer, Problem>, request_id: &str) -> BatchResult {
+    result.map_or_else(
+        |problem| BatchResult::Error(problem.body(request_id)),
+        |answer| BatchResult::Answer(Box::new(answer)),
+    )
 }
 
 impl From<Kind> for KindInfo {
@@ -135,79 +129,66 @@ impl From<Timings> for TimingsMs {
     }
 }
 
-impl From<Evidence> for KeypointEvidence {
-    fn from(evidence: Evidence) -> Self {
-        let Evidence { opinion, x, y, word_idx, frame, weight } = evidence;
-        Self { opinion, x, y, word: word_idx, frame, weight }
+fn keypoint_evidence(Evidence { opinion, x, y, word_idx, frame, weight }: Evidence) -> KeypointEvidence {
+    KeypointEvidence { opinion, x, y, word: word_idx, frame, weight }
+}
+
+/// What a caller reads of one model.
+pub fn model_info(name: &str, entry: &Entry, registry: &Registry) -> ModelInfo {
+    let serving = &registry.serving(name);
+    let versions = entry.versions.iter().rev();
+    ModelInfo {
+        name: name.to_owned(),
+        default: registry.default_name().as_deref() == Some(name),
+        serving: serving.stable.as_ref().map(|served| served.version),
+        epoch: entry.record.epoch,
+        settled: entry.record.settled,
+        versions: versions.map(|(&number, version)| version_info(number, version, serving)).collect(),
     }
 }
 
-impl ModelInfo {
-    /// What a caller reads of one model.
-    pub fn new(name: &str, entry: &Entry, registry: &Registry) -> Self {
-        let serving = &registry.serving(name);
-        let versions = entry.versions.iter().rev();
-        Self {
-            name: name.to_owned(),
-            default: registry.default_name().as_deref() == Some(name),
-            serving: serving.stable.as_ref().map(|served| served.version),
-            epoch: entry.record.epoch,
-            settled: entry.record.settled,
-            versions: versions.map(|(&number, version)| VersionInfo::new(number, version, serving)).collect(),
-        }
+/// What a caller reads of one version, its card left out.
+pub fn version_info(number: u64, version: &Version, serving: &Serving) -> VersionInfo {
+    let is_this = |served: &&Arc<ServedModel>| served.version == number;
+    let canary = serving.canary.as_ref().filter(|(served, _)| is_this(&served));
+    let shadow = serving.shadow.as_ref().filter(|shadow| is_this(&&shadow.served));
+    let labels = [
+        (STABLE, serving.stable.as_ref().is_some_and(|served| is_this(&served))),
+        (CANARY, canary.is_some()),
+        (SHADOW, shadow.is_some()),
+        (PREVIOUS, serving.previous.as_ref().is_some_and(|served| is_this(&served))),
+    ];
+    let loaded = version.loaded();
+    VersionInfo {
+        version: number,
+        state: version.state().name(),
+        labels: labels.into_iter().filter(|(_, is_its)| *is_its).map(|(label, _)| label.to_owned()).collect(),
+        failure: version.failure().map(FailureInfo::from),
+        epoch: serving.answering().find(is_this).map(|served| served.epoch),
+        share: canary.map(|(_, share)| *share),
+        shadow: shadow.map(|shadow| ShadowInfo::from(shadow.tally())),
+        digest: loaded.map(|loaded| loaded.digest.clone()),
+        rooms: loaded.map(|loaded| loaded.model.places().to_vec()),
+        networks: loaded.map_or_else(Vec::new, |loaded| network_infos(&loaded.model)),
+        card: None,
+        history: version.history(),
     }
 }
 
-impl VersionInfo {
-    /// What a caller reads of one version, its card left out.
-    pub fn new(number: u64, version: &Version, serving: &Serving) -> Self {
-        let is_this = |served: &&Arc<ServedModel>| served.version == number;
-        let canary = serving.canary.as_ref().filter(|(served, _)| is_this(&served));
-        let shadow = serving.shadow.as_ref().filter(|shadow| is_this(&&shadow.served));
-        let labels = [
-            (STABLE, serving.stable.as_ref().is_some_and(|served| is_this(&served))),
-            (CANARY, canary.is_some()),
-            (SHADOW, shadow.is_some()),
-            (PREVIOUS, serving.previous.as_ref().is_some_and(|served| is_this(&served))),
-        ];
-        let loaded = version.loaded();
-        Self {
-            version: number,
-            state: version.state().name(),
-            labels: labels
-                .into_iter()
-                .filter(|(_, is_its)| *is_its)
-                .map(|(label, _)| label.to_owned())
-                .collect(),
-            failure: version.failure().map(FailureInfo::from),
-            epoch: serving.answering().find(is_this).map(|served| served.epoch),
-            share: canary.map(|(_, share)| *share),
-            shadow: shadow.map(|shadow| ShadowInfo::from(shadow.tally())),
-            digest: loaded.map(|loaded| loaded.digest.clone()),
-            rooms: loaded.map(|loaded| loaded.model.places().to_vec()),
-            networks: loaded.map_or_else(Vec::new, |loaded| NetworkInfo::all_of(&loaded.model)),
-            card: None,
-            history: version.history(),
-        }
-    }
-
-    /// The same with the model's card.
-    pub fn with_card(number: u64, version: &Version, serving: &Serving) -> Self {
-        let card = version.loaded().and_then(|loaded| serde_json::to_value(loaded.model.card()).ok());
-        Self { card, ..Self::new(number, version, serving) }
-    }
+/// The same with the model's card.
+pub fn version_info_with_card(number: u64, version: &Version, serving: &Serving) -> VersionInfo {
+    let card = version.loaded().and_then(|loaded| serde_json::to_value(loaded.model.card()).ok());
+    VersionInfo { card, ..version_info(number, version, serving) }
 }
 
-impl NetworkInfo {
-    /// Those that a model looks through.
-    pub fn all_of(model: &Model) -> Vec<Self> {
-        let info = |NetworkEntry { name, blake3, n_bytes, .. }: NetworkEntry| Self {
-            name,
-            blake3: blake3.into(),
-            bytes: n_bytes,
-        };
-        model.network_entries().into_iter().map(info).collect()
-    }
+/// Those that a model looks through.
+pub fn network_infos(model: &Model) -> Vec<NetworkInfo> {
+    let info = |NetworkEntry { name, blake3, n_bytes, .. }: NetworkEntry| NetworkInfo {
+        name,
+        blake3: blake3.into(),
+        bytes: n_bytes,
+    };
+    model.network_entries().into_iter().map(info).collect()
 }
 
 impl From<Tally> for ShadowInfo {

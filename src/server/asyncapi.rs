@@ -1,7 +1,7 @@
 //! The AsyncAPI document of the stream, made from the types of its messages.
 
-use crate::protocol::event::Event;
-use crate::protocol::stream::{ClientMessage, KEY_SUBPROTOCOL_PREFIX, SUBPROTOCOL, ServerMessage};
+use roomsight_protocol::event::Event;
+use roomsight_protocol::stream::{ClientMessage, KEY_SUBPROTOCOL_PREFIX, SUBPROTOCOL, ServerMessage};
 use serde_json::{Value, json};
 use utoipa::OpenApi;
 

@@ -19,11 +19,11 @@ pub use site::{Sites, has_one_host};
 
 use super::App;
 use super::problem::Problem;
-use crate::protocol::stream::KEY_SUBPROTOCOL_PREFIX;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
+use roomsight_protocol::stream::KEY_SUBPROTOCOL_PREFIX;
 use std::sync::Arc;
 
 /// The header that is read where `Authorization: Bearer` is not given.

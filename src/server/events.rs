@@ -1,6 +1,5 @@
 //! Events for dashboards, as they happen: lossy for slow readers, and never in the way of a robot.
 
-use crate::protocol::event::Event;
 use crate::server::App;
 use crate::server::auth::Key;
 use axum::Extension;
@@ -9,6 +8,7 @@ use axum::http::HeaderName;
 use axum::response::IntoResponse;
 use axum::response::sse::{self, KeepAlive, Sse};
 use futures_util::stream;
+use roomsight_protocol::event::Event;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;

@@ -25,15 +25,15 @@ pub use labels::{FrameOutcome, SwapKind, SwapOutcome, Transport};
 pub use scrape::{__path_scrape, scrape};
 
 use super::registry::ServedModel;
-use crate::model::Recognition;
-use crate::protocol::oip::statistics::FrameTotals;
-use crate::protocol::stream::DropReason;
 use axum::http::{Method, StatusCode};
 use kept::Kept;
 use labels::{DROP_REASONS, drop_name, known_name, method_name};
 use metrics::{Counter, Histogram};
 use metrics_exporter_prometheus::BuildError;
 use recorder::Recorder;
+use roomsight_protocol::oip::statistics::FrameTotals;
+use roomsight_protocol::stream::DropReason;
+use roomsight_recognition::model::Recognition;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -1,6 +1,7 @@
 //! The calls about models: what there is, what serves, and changes of both.
 
 use super::App;
+use super::api;
 use super::body::{BodyError, read_json};
 use super::openapi::{
     ChangeProblems, IfMatch, LabelProblems, ModelProblems, NameParam, TarBytes, UploadProblems, VersionParams,
@@ -10,8 +11,7 @@ use super::problem::Problem;
 use super::recognize::RecognizeError;
 use super::registry::ChangeError;
 use super::upload::upload;
-use crate::protocol::rest::{LabelJson, ModelInfo, ModelList, VersionInfo};
-use crate::repository::{Canary, Change, RepositoryError, VersionId};
+use crate::repository::{Canary, Change, RepositoryError};
 use axum::Json;
 use axum::extract::rejection::PathRejection;
 use axum::extract::{FromRequestParts, Path, Request, State};
@@ -19,6 +19,8 @@ use axum::http::StatusCode;
 use axum::http::header::{ETAG, IF_MATCH};
 use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
+use roomsight_protocol::rest::{LabelJson, ModelInfo, ModelList, VersionInfo};
+use roomsight_protocol::version_id::VersionId;
 use serde::Deserialize;
 use tokio::task::spawn_blocking;
 use utoipa::ToSchema;
@@ -56,7 +58,7 @@ pub struct Expected(Option<u64>);
 pub async fn list_models(State(app): State<App>) -> Json<ModelList> {
     let registry = &app.registry;
     let entries = registry.entries();
-    let models = entries.iter().map(|(name, entry)| ModelInfo::new(name, entry, registry)).collect();
+    let models = entries.iter().map(|(name, entry)| api::model_info(name, entry, registry)).collect();
     Json(ModelList { default: registry.default_name(), models })
 }
 
@@ -90,7 +92,7 @@ pub async fn show_version(
 ) -> Result<Json<VersionInfo>, Problem> {
     let entry = app.registry.entry(&id.name)?;
     let serving = app.registry.serving(&id.name);
-    Ok(Json(VersionInfo::with_card(id.version, entry.version(&id.name, id.version)?, &serving)))
+    Ok(Json(api::version_info_with_card(id.version, entry.version(&id.name, id.version)?, &serving)))
 }
 
 /// Adds a version of a model
@@ -249,7 +251,10 @@ impl FromRequestParts<App> for VersionPath {
     async fn from_request_parts(parts: &mut Parts, app: &App) -> Result<Self, Problem> {
         let path = Path::<(String, String)>::from_request_parts(parts, app).await;
         let Path((name, version)) = path.map_err(|error| Problem::Query(error.body_text()))?;
-        let id = format!("{name}/{version}").parse().map_err(ChangeError::Repository)?;
+        let id = format!("{name}/{version}")
+            .parse()
+            .map_err(RepositoryError::Id)
+            .map_err(ChangeError::Repository)?;
         Ok(Self(id))
     }
 }
@@ -290,14 +295,14 @@ fn labeled(path: Result<Path<LabelPath>, PathRejection>) -> Result<LabelPath, Pr
 
 fn told_model(app: &App, name: &str) -> Result<Response, Problem> {
     let entry = app.registry.entry(name)?;
-    let info = ModelInfo::new(name, &entry, &app.registry);
+    let info = api::model_info(name, &entry, &app.registry);
     Ok(([(ETAG, etag(entry.record.epoch))], Json(info)).into_response())
 }
 
 fn told_version(app: &App, id: &VersionId) -> Result<Response, Problem> {
     let entry = app.registry.entry(&id.name)?;
     let info =
-        VersionInfo::new(id.version, entry.version(&id.name, id.version)?, &app.registry.serving(&id.name));
+        api::version_info(id.version, entry.version(&id.name, id.version)?, &app.registry.serving(&id.name));
     Ok(([(ETAG, etag(entry.record.epoch))], Json(info)).into_response())
 }
 

@@ -18,12 +18,14 @@ use super::App;
 use super::openapi::{NameParam, VersionParams};
 use super::problem::Problem;
 use super::registry::Choice;
-use crate::protocol::oip::{EXTENSIONS, ModelMetadata, ModelReady, ServerLive, ServerMetadata, ServerReady};
-use crate::protocol::rest::version_from_text;
 use axum::Json;
 use axum::extract::{FromRequestParts, Path, State};
 use axum::http::request::Parts;
 use problems::{AnyoneProblems, DrainProblems, ModelProblems, ServerProblems};
+use roomsight_protocol::oip::{
+    EXTENSIONS, ModelMetadata, ModelReady, ServerLive, ServerMetadata, ServerReady,
+};
+use roomsight_protocol::rest::version_from_text;
 use serde::Deserialize;
 use utoipa_axum::router::OpenApiRouter;
 use utoipa_axum::routes;

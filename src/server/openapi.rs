@@ -2,9 +2,9 @@
 
 use super::auth::session;
 use super::problem::{ErrorForm, Kind};
-use crate::protocol::oip::ErrorBody;
-use crate::protocol::rest::ProblemBody;
 use axum::http::header::RETRY_AFTER;
+use roomsight_protocol::oip::ErrorBody;
+use roomsight_protocol::rest::ProblemBody;
 use std::collections::BTreeMap;
 use std::iter;
 use utoipa::openapi::security::{

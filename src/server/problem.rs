@@ -11,14 +11,15 @@ use super::pool::QueueFull;
 use super::recognize::RecognizeError;
 use super::registry::{ChangeError, LookupError};
 use super::upload::{UPLOAD_WAIT, UploadError};
-use crate::image::ImageError;
-use crate::protocol::oip;
-use crate::protocol::oip::request::RequestError;
-use crate::protocol::rest::ProblemBody;
 use crate::repository::RepositoryError;
 use Kind as K;
 use axum::http::{HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use roomsight_protocol::oip;
+use roomsight_protocol::oip::request::RequestError;
+use roomsight_protocol::rest::ProblemBody;
+use roomsight_protocol::version_id::VersionIdError;
+use roomsight_vision::image::ImageError;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -246,11 +247,11 @@ pub fn change_kind(error: &ChangeError) -> Kind {
 /// The kind of a repository that does not do what was asked.
 pub fn repository_kind(error: &RepositoryError) -> Kind {
     match error {
-        RepositoryError::Name(_) => K::BadRequest,
+        RepositoryError::Id(VersionIdError::Name(_)) => K::BadRequest,
         RepositoryError::NoVersion(_) => K::NoSuchModel,
         RepositoryError::Exists(_)
         | RepositoryError::HalfUploaded(_)
-        | RepositoryError::NoNumber
+        | RepositoryError::Id(VersionIdError::NoNumber)
         | RepositoryError::ReadOnly(_)
         | RepositoryError::Overtaken { .. }
         | RepositoryError::DefaultOvertaken(_) => K::Conflict,

@@ -8,11 +8,11 @@ use super::observe::RequestContext;
 use super::problem::Problem;
 use super::recognize::Task;
 use super::registry::Choice;
-use crate::protocol::rest::RecognizeQuery;
 use axum::extract::{FromRequestParts, Query};
 use axum::http::request::Parts;
 use axum::http::{Extensions, StatusCode};
 use chrono::{DateTime, NaiveDateTime};
+use roomsight_protocol::rest::RecognizeQuery;
 use std::sync::Arc;
 use std::time::Duration;
 

@@ -1,6 +1,7 @@
 //! The paths of the API, grouped by who may call them.
 
 use super::answers::answers;
+use super::api;
 use super::asyncapi::stream_document;
 use super::auth::session;
 use super::body::{Frames, OneFrame};
@@ -13,13 +14,13 @@ use super::problem::{Kind, Problem};
 use super::query::Asked;
 use super::registry::Choice;
 use super::{App, auth, events, models, observe, oip, robots, stream};
-use crate::protocol::rest::{Answer, BatchAnswer, BatchResult, FrameJson, Health, KindInfo, RecognizeQuery};
 use axum::extract::{DefaultBodyLimit, Path, State};
 use axum::http::HeaderName;
 use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Redirect};
 use axum::routing::get;
 use axum::{Json, Router};
+use roomsight_protocol::rest::{Answer, BatchAnswer, FrameJson, Health, KindInfo, RecognizeQuery};
 use std::sync::Arc;
 use tower_http::catch_panic::CatchPanicLayer;
 use utoipa::OpenApi;
@@ -154,7 +155,7 @@ async fn recognize_batch(
 ) -> Result<Json<BatchAnswer>, Problem> {
     let request_id = asked.context.id.to_string();
     let results = answers(app, asked, frames).await?;
-    let results = results.into_iter().map(|result| BatchResult::new(result, &request_id)).collect();
+    let results = results.into_iter().map(|result| api::batch_result(result, &request_id)).collect();
     Ok(Json(BatchAnswer { results, request_id }))
 }
 

@@ -3,9 +3,9 @@
 use super::auth::{Key, Sites, check_together};
 use super::bodies;
 use super::pool::Size;
-use crate::image;
-use crate::model::MAX_MODEL_BYTES;
 use config::{Config, Environment, File, FileFormat};
+use roomsight_recognition::model::MAX_MODEL_BYTES;
+use roomsight_vision::image;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};

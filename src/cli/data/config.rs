@@ -1,17 +1,17 @@
 //! The parameters of a model on the command line: a file, single ones, or what an effort chooses among.
 
 use super::read_image;
-use crate::camera::{Camera, CameraKind, Mask, Projection};
 use crate::cli::manners::note;
 use crate::cli::mistakes::nearest;
-use crate::dataset::Dataset;
-use crate::image::Limits;
-use crate::model::{
-    BAG, Candidate, CarriedNetwork, Config, DEFAULT_NETWORK, Effort, Means, Networks, PATTERNS,
-};
-use crate::network::Runtime;
 use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
+use roomsight_lab::dataset::Dataset;
+use roomsight_recognition::model::{
+    BAG, Candidate, CarriedNetwork, Config, DEFAULT_NETWORK, Effort, Means, Networks, PATTERNS,
+};
+use roomsight_vision::camera::{Camera, CameraKind, Mask, Projection};
+use roomsight_vision::image::Limits;
+use roomsight_vision::network::Runtime;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
@@ -334,11 +334,11 @@ fn is_other_variant(old: &toml::Table, new: &toml::Table) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::describe::Descriptor;
-    use crate::detect::{Detector, Fast, FastThreshold};
-    use crate::model::{Classifier, Representation};
-    use crate::svm::InnerKernel;
-    use crate::vocabulary::Normalization;
+    use roomsight_recognition::model::{Classifier, Representation};
+    use roomsight_recognition::svm::InnerKernel;
+    use roomsight_recognition::vocabulary::Normalization;
+    use roomsight_vision::describe::Descriptor;
+    use roomsight_vision::detect::{Detector, Fast, FastThreshold};
 
     fn read(parameters: &[&str]) -> anyhow::Result<Config> {
         let parameters: Vec<String> = parameters.iter().map(|&parameter| parameter.to_owned()).collect();

@@ -3,12 +3,12 @@
 use super::by_sequence;
 use crate::cli::manners::note;
 use crate::cli::output::{self, say};
-use crate::dataset::{Dataset, Described, Frame};
-use crate::evaluate::{Changes, Lateness, N_HELD, Rate};
-use crate::filter::Trust;
-use crate::model::Model;
-use crate::validate::{self, Answered};
 use anyhow::bail;
+use roomsight_lab::dataset::{Dataset, Described, Frame};
+use roomsight_lab::evaluate::{Changes, Lateness, N_HELD, Rate};
+use roomsight_lab::validate::{self, Answered};
+use roomsight_recognition::filter::Trust;
+use roomsight_recognition::model::Model;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io;

@@ -2,9 +2,9 @@
 
 use crate::cli::contact_sheet::{Card, Section};
 use crate::cli::output::{self, say};
-use crate::dataset::{Dataset, Described};
-use crate::model::{Features, Model, Unknown};
-use crate::validate::Answered;
+use roomsight_lab::dataset::{Dataset, Described};
+use roomsight_lab::validate::Answered;
+use roomsight_recognition::model::{Features, Model, Unknown};
 use serde::Serialize;
 use std::collections::{BTreeMap, VecDeque};
 use std::io;

@@ -2,13 +2,13 @@
 
 use super::Target;
 use crate::cli::manners::note;
-use crate::model::{LoadedModel, Model, NetworkEntry, NetworkStore, TriedModel, try_model};
-use crate::protocol::rest::{ModelInfo, NetworkInfo, VersionInfo, VersionState};
 use crate::repository::package::{Limits, copy, unpack};
-use crate::repository::{
-    Change, DefaultModel, Listing, Record, Repository, RepositoryError, Scan, VersionId,
-};
+use crate::repository::{Change, DefaultModel, Listing, Record, Repository, RepositoryError, Scan};
+use crate::server::network_infos;
 use anyhow::{Context, bail, ensure};
+use roomsight_protocol::rest::{ModelInfo, VersionInfo, VersionState};
+use roomsight_protocol::version_id::VersionId;
+use roomsight_recognition::model::{LoadedModel, Model, NetworkEntry, NetworkStore, TriedModel, try_model};
 use serde::Serialize;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -133,7 +133,7 @@ impl Local {
         Ok(VersionInfo {
             digest: Some(digest),
             rooms: Some(model.places().to_vec()),
-            networks: NetworkInfo::all_of(&model),
+            networks: network_infos(&model),
             card: Some(serde_json::to_value(model.card())?),
             ..version_info(id.version, &self.0.record(&id.name)?)
         })

@@ -2,9 +2,9 @@
 
 use super::local::Verdict;
 use crate::cli::output::{self, say};
-use crate::model::Card;
-use crate::protocol::rest::{ModelInfo, ShadowInfo, VersionInfo};
-use crate::repository::VersionId;
+use roomsight_protocol::rest::{ModelInfo, ShadowInfo, VersionInfo};
+use roomsight_protocol::version_id::VersionId;
+use roomsight_recognition::model::Card;
 use serde::Serialize;
 
 /// All versions of all models.

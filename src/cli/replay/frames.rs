@@ -1,8 +1,8 @@
 //! The encoded frames that robots send: in memory as far as a bound allows, else read ahead of their time.
 
 use super::schedule::Schedule;
-use crate::dataset::{Frame, Problem};
-use crate::image::Limits;
+use roomsight_lab::dataset::{Frame, Problem};
+use roomsight_vision::image::Limits;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::mpsc;

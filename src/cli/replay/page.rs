@@ -2,11 +2,11 @@
 
 use super::report::{Report, Setting};
 use super::tally::{Percentiles, Score, Stay, Stays, Tally, ms};
-use crate::page::chart::{
+use hdrhistogram::Histogram;
+use roomsight_lab::page::chart::{
     LEFT, N_COLORS, PLOT_HEIGHT, TOP, WIDTH, framed, label, legend, polyline, rate_axis, y_axis, y_of,
 };
-use crate::page::{self, escape};
-use hdrhistogram::Histogram;
+use roomsight_lab::page::{self, escape};
 
 /// What stands on the x axis of a distribution: how many of all frames are slower, as a power of ten.
 const TAILS: [(f64, &str); 6] =

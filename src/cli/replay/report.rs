@@ -2,9 +2,9 @@
 
 use super::tally::{Percentiles, Tally, ms};
 use crate::cli::output::{self, GateFailed, say};
-use crate::evaluate::Rate;
-use crate::protocol::stream::DropReason;
 use clap::Args;
+use roomsight_lab::evaluate::Rate;
+use roomsight_protocol::stream::DropReason;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::io;

@@ -2,10 +2,10 @@
 
 use super::frames::{Frames, Ready};
 use super::tally::{Tally, Told};
-use crate::client::{Client, ClientError, Stream};
-use crate::protocol::header::Header;
-use crate::protocol::rest::{Answer, ProblemBody, RecognizeQuery};
-use crate::protocol::stream::{Filtered, Hello, Mode, ServerMessage};
+use roomsight_client::{Client, ClientError, Stream};
+use roomsight_protocol::header::Header;
+use roomsight_protocol::rest::{Answer, ProblemBody, RecognizeQuery};
+use roomsight_protocol::stream::{Filtered, Hello, Mode, ServerMessage};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
@@ -260,10 +260,10 @@ mod tests {
     use super::super::schedule::{Rate, Track};
     use super::super::tally::Percentiles;
     use super::*;
-    use crate::camera::CameraKind;
-    use crate::client::fake::{self, Connection};
-    use crate::dataset::Frame;
-    use crate::protocol::stream::{Configure, DropReason};
+    use roomsight_client::fake::{self, Connection};
+    use roomsight_lab::dataset::Frame;
+    use roomsight_protocol::stream::{Configure, DropReason};
+    use roomsight_vision::camera::CameraKind;
     use tempfile::TempDir;
     use tokio::time::sleep;
 

@@ -1,6 +1,6 @@
 //! When which frame is due.
 
-use crate::dataset::Frame;
+use roomsight_lab::dataset::Frame;
 use std::str::FromStr;
 use std::sync::Arc;
 use std::time::Duration;
@@ -118,7 +118,7 @@ impl Iterator for Schedule {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::CameraKind;
+    use roomsight_vision::camera::CameraKind;
 
     /// Frames of these sequences and times.
     fn frames(of: &[(&str, Option<f64>)]) -> Vec<Frame> {

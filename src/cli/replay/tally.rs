@@ -1,9 +1,9 @@
 //! What became of the frames of all robots.
 
-use crate::evaluate::Rate;
-use crate::protocol::rest::Answer;
-use crate::protocol::stream::{DropReason, Filtered};
 use hdrhistogram::{CreationError, Histogram};
+use roomsight_lab::evaluate::Rate;
+use roomsight_protocol::rest::Answer;
+use roomsight_protocol::stream::{DropReason, Filtered};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::time::Duration;

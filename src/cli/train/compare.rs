@@ -2,10 +2,10 @@
 
 use crate::cli::data;
 use crate::cli::output::say;
-use crate::dataset::{Dataset, Described};
-use crate::image::Limits;
-use crate::model::{Extractor, Model};
-use crate::validate::{self, Answered};
+use roomsight_lab::dataset::{Dataset, Described};
+use roomsight_lab::validate::{self, Answered};
+use roomsight_recognition::model::{Extractor, Model};
+use roomsight_vision::image::Limits;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt;

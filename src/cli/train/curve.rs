@@ -1,6 +1,8 @@
 //! How much more frames would help: the slope of the learning curve over the frames that are there.
 
-use crate::model::{Candidate, HeldOut, Model, Sample, TrainError, TrainingStep, Unit, answer_held_out};
+use roomsight_recognition::model::{
+    Candidate, HeldOut, Model, Sample, TrainError, TrainingStep, Unit, answer_held_out,
+};
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -1,9 +1,9 @@
 //! Frames that are kept with a model.
 
-use crate::dataset::{Dataset, Described};
-use crate::image::Limits;
-use crate::model::{GoldenFrame, Model};
-use crate::validate;
+use roomsight_lab::dataset::{Dataset, Described};
+use roomsight_lab::validate;
+use roomsight_recognition::model::{GoldenFrame, Model};
+use roomsight_vision::image::Limits;
 use std::fs;
 use std::path::Path;
 

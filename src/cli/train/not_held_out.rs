@@ -1,6 +1,6 @@
 //! Why frames have no held-out answer, so that a rate of some of them can be trusted.
 
-use crate::model::{HeldOut, Sample, Seen};
+use roomsight_recognition::model::{HeldOut, Sample, Seen};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -55,9 +55,9 @@ impl NotHeldOut {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detect::Keypoint;
-    use crate::matrix::Matrix;
-    use crate::model::{Features, LocalFeatures, Recognition};
+    use roomsight_recognition::model::{Features, LocalFeatures, Recognition};
+    use roomsight_vision::detect::Keypoint;
+    use roomsight_vision::matrix::Matrix;
     use std::sync::Arc;
 
     fn sample(place: &str, n_keypoints: usize) -> Sample {

@@ -2,7 +2,7 @@
 
 use super::curve::LearningCurve;
 use crate::cli::output::{self, say};
-use crate::evaluate::{Evaluation, Knowledge, Rate};
+use roomsight_lab::evaluate::{Evaluation, Knowledge, Rate};
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
@@ -178,7 +178,7 @@ fn listed(names: impl ExactSizeIterator<Item = String>) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::evaluate::Answer;
+    use roomsight_lab::evaluate::Answer;
 
     fn verdict(answers: &[(&str, &str)], taken: &[Taken]) -> Verdict {
         let answer = |&(place, answered)| Answer { place, answered, near_border: None };

@@ -1,10 +1,11 @@
 //! The networks of a bucket: each lies there once, whichever versions use it.
 
 use super::{Bucket, Files, MAX_SIDE_FILE_BYTES, Object};
-use crate::model::{self, ABOUT_FILE, NETWORKS_FOLDER, NetworkEntry};
 use crate::repository::package::is_network;
-use crate::repository::{RepositoryError, VersionId, io_error, networks};
+use crate::repository::{RepositoryError, io_error, networks};
 use object_store::PutMode;
+use roomsight_protocol::version_id::VersionId;
+use roomsight_recognition::model::{self, ABOUT_FILE, NETWORKS_FOLDER, NetworkEntry};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;

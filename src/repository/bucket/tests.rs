@@ -3,7 +3,7 @@
 mod networks;
 
 use super::*;
-use crate::model::GOLDEN_FOLDER;
+use roomsight_recognition::model::GOLDEN_FOLDER;
 use std::io::{BufRead, BufReader, Read};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::process::{Child, Command, Stdio};

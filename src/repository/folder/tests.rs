@@ -190,12 +190,12 @@ fn names_lead_nowhere_else() {
     let (_root, repository) = repository();
     for name in ["..", "../lab", "/lab", "a/b", ""] {
         let id = VersionId::new(name, 1);
-        assert!(matches!(repository.fetch(&id), Err(RepositoryError::Name(_))), "{name}");
-        assert!(matches!(publish(&repository, &id, ""), Err(RepositoryError::Name(_))), "{name}");
-        assert!(matches!(repository.delete(&id), Err(RepositoryError::Name(_))), "{name}");
-        assert!(matches!(repository.record(name), Err(RepositoryError::Name(_))), "{name}");
+        assert!(matches!(repository.fetch(&id), Err(RepositoryError::Id(_))), "{name}");
+        assert!(matches!(publish(&repository, &id, ""), Err(RepositoryError::Id(_))), "{name}");
+        assert!(matches!(repository.delete(&id), Err(RepositoryError::Id(_))), "{name}");
+        assert!(matches!(repository.record(name), Err(RepositoryError::Id(_))), "{name}");
         let written = repository.write_record(name, &Record::default());
-        assert!(matches!(written, Err(RepositoryError::Name(_))), "{name}");
+        assert!(matches!(written, Err(RepositoryError::Id(_))), "{name}");
     }
 }
 

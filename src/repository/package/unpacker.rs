@@ -1,7 +1,7 @@
 //! Which entries of an archive are taken, whatever its form, and how much of them.
 
 use super::{Limits, PackageError, copy_error, io_error, is_file_of_version};
-use crate::model::{GOLDEN_FOLDER, NETWORKS_FOLDER};
+use roomsight_recognition::model::{GOLDEN_FOLDER, NETWORKS_FOLDER};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
 use std::io::{self, Read};

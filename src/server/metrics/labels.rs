@@ -1,10 +1,10 @@
 //! What labels say: closed sets, so that callers cannot add to them.
 
-use crate::model::Unknown;
-use crate::protocol::stream::DropReason;
 use crate::server::problem::Kind;
 use crate::server::recognize::{RecognizeError, Seen, Timings};
 use axum::http::Method;
+use roomsight_protocol::stream::DropReason;
+use roomsight_recognition::model::Unknown;
 
 /// Why frames of streams are not looked at.
 pub const DROP_REASONS: [DropReason; 4] =

@@ -1,15 +1,16 @@
 //! `GET /metrics`, and the metrics that are read only at that moment.
 
+use super::super::api;
 use super::catalog::{self, Metric};
 use super::process;
 use super::recorder::Readings;
-use crate::protocol::rest::{ModelInfo, VersionInfo, VersionState};
 use crate::server::App;
 use crate::server::openapi::ViewerProblems;
 use crate::server::registry::Tally;
 use axum::extract::State;
 use axum::http::header;
 use axum::response::IntoResponse;
+use roomsight_protocol::rest::{VersionInfo, VersionState};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Prometheus's text form.
@@ -79,7 +80,7 @@ fn read_models(app: &App, readings: &mut Readings) {
     let (mut shadowed, mut distances) = (Vec::new(), Vec::new());
     for (name, entry) in &app.registry.entries() {
         let serving = app.registry.serving(name);
-        for version in ModelInfo::new(name, entry, &app.registry).versions {
+        for version in api::model_info(name, entry, &app.registry).versions {
             *n_by_state.entry(state_name(version.state)).or_default() += 1;
             labeled.extend(version.labels.iter().map(|label| (info(name, &version, label), 1.0)));
         }

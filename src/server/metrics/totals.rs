@@ -1,7 +1,7 @@
 //! What was counted of the frames of one version of a model, to be read at any time.
 
-use crate::protocol::oip::statistics::FrameTotals;
 use crate::server::recognize::Timings;
+use roomsight_protocol::oip::statistics::FrameTotals;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 

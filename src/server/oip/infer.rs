@@ -2,11 +2,6 @@
 
 use super::problems::InferProblems;
 use super::{ModelPath, repository};
-use crate::protocol::oip::request::{AskedOutput, InferParameters, InferRequest, Inference, RequestError};
-use crate::protocol::oip::response::InferResponse;
-use crate::protocol::oip::tensor::Values;
-use crate::protocol::oip::{JSON_LENGTH_HEADER, OutputName};
-use crate::protocol::rest::{Answer, ModelName, RecognizeQuery};
 use crate::server::App;
 use crate::server::answers::answers;
 use crate::server::body::{self, Frame};
@@ -19,6 +14,11 @@ use axum::body::Bytes;
 use axum::extract::{Request, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use roomsight_protocol::oip::request::{AskedOutput, InferParameters, InferRequest, Inference, RequestError};
+use roomsight_protocol::oip::response::InferResponse;
+use roomsight_protocol::oip::tensor::Values;
+use roomsight_protocol::oip::{JSON_LENGTH_HEADER, OutputName};
+use roomsight_protocol::rest::{Answer, ModelName, RecognizeQuery};
 use std::borrow::Cow;
 use utoipa::ToSchema;
 

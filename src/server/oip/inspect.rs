@@ -3,14 +3,14 @@
 use super::ModelPath;
 use super::problems::{ModelProblems, ServerProblems};
 use super::repository;
-use crate::model::MODEL_FILE;
-use crate::protocol::oip::model_config::ModelConfig;
-use crate::protocol::oip::statistics::{ModelStatistics, StatisticsList};
 use crate::server::App;
 use crate::server::openapi::{NameParam, VersionParams};
 use crate::server::problem::Problem;
 use axum::Json;
 use axum::extract::State;
+use roomsight_protocol::oip::model_config::ModelConfig;
+use roomsight_protocol::oip::statistics::{ModelStatistics, StatisticsList};
+use roomsight_recognition::model::MODEL_FILE;
 
 /// How a model is run
 ///

@@ -2,7 +2,6 @@
 
 use super::ModelPath;
 use super::problems::{IndexProblems, LoadProblems};
-use crate::protocol::oip::{IndexEntry, IndexRequest, IndexState, LoadRequest, ModelMetadata};
 use crate::repository::Change;
 use crate::server::openapi::NameParam;
 use crate::server::problem::Problem;
@@ -11,6 +10,7 @@ use crate::server::{App, body, models};
 use axum::Json;
 use axum::extract::{Request, State};
 use axum::http::StatusCode;
+use roomsight_protocol::oip::{IndexEntry, IndexRequest, IndexState, LoadRequest, ModelMetadata};
 use std::sync::Arc;
 
 /// The model that answers at a path.

@@ -1,7 +1,7 @@
 //! Why a model is not there, or does not come to serve.
 
-use crate::model::{LoadError, Stage, TrialError};
 use crate::repository::{RecordError, RepositoryError};
+use roomsight_recognition::model::{LoadError, Stage, TrialError};
 
 /// Why the repository gives nothing to serve.
 #[derive(Debug, thiserror::Error)]

@@ -4,12 +4,13 @@
 use super::served::Table;
 use super::state::{Loaded, Version};
 use super::{Book, ChangeError, Entry, Registry, RegistryError, lock};
-use crate::model::NetworkStore;
-use crate::repository::{Change, Listing, Record, Repository, RepositoryError, Scan, VersionId};
+use crate::repository::{Change, Listing, Record, Repository, RepositoryError, Scan};
 use crate::server::events::Events;
 use crate::server::metrics::{Metrics, SwapKind};
 use crate::server::settings::{Policy, Settings};
 use arc_swap::ArcSwap;
+use roomsight_protocol::version_id::VersionId;
+use roomsight_recognition::model::NetworkStore;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};

@@ -2,7 +2,7 @@
 
 use super::LookupError;
 use super::shadow::Shadow;
-use crate::model::Model;
+use roomsight_recognition::model::Model;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 

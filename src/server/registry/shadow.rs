@@ -1,7 +1,7 @@
 //! A version that sees what the stable one sees, and answers nobody: how often it agrees.
 
 use super::ServedModel;
-use crate::model::Recognition;
+use roomsight_recognition::model::Recognition;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 

@@ -1,9 +1,9 @@
 //! What is true of each version, now and before.
 
 use super::Failure;
-use crate::model::{Model, Stage};
-use crate::protocol::rest::{StateChange, VersionState};
 use crate::repository::Fingerprint;
+use roomsight_protocol::rest::{StateChange, VersionState};
+use roomsight_recognition::model::{Model, Stage};
 use std::collections::VecDeque;
 use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant, SystemTime};

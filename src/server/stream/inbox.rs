@@ -2,9 +2,9 @@
 
 use super::intake::{Intake, Lossless, Room, Share, Whole, Yielding};
 use super::wire::{Broken, Decoder, Piece};
-use crate::protocol::header::Header;
 use crate::server::caller::CallerId;
 use bytes::BytesMut;
+use roomsight_protocol::header::Header;
 use std::io;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

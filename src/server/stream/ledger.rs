@@ -1,8 +1,8 @@
 //! What becomes of the frames of one stream, told in their order.
 
-use crate::protocol::stream::DropReason;
 use crate::server::problem::Problem;
 use crate::server::recognize::Seen;
+use roomsight_protocol::stream::DropReason;
 use std::collections::VecDeque;
 use std::time::Instant;
 

@@ -13,11 +13,6 @@ use super::socket::{Close, Socket};
 use super::teller::Teller;
 use super::turn::{News, Turn};
 use super::{Arrival, Streams};
-use crate::protocol::event::Event;
-use crate::protocol::header::{Header, MAX_SEQ};
-use crate::protocol::stream::{
-    DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits, StreamSettings,
-};
 use crate::server::App;
 use crate::server::body::BodyError;
 use crate::server::caller::CallerId;
@@ -26,6 +21,11 @@ use crate::server::problem::Problem;
 use crate::server::registry::Choice;
 use crate::server::robots::Record;
 use crate::server::trace::FrameSpans;
+use roomsight_protocol::event::Event;
+use roomsight_protocol::header::{Header, MAX_SEQ};
+use roomsight_protocol::stream::{
+    DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits, StreamSettings,
+};
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};

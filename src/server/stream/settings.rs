@@ -1,11 +1,13 @@
 //! How a stream is configured, by its URL and by messages.
 
 use super::inbox::MAX_TEXT_BYTES;
-use crate::filter::Trust;
-use crate::protocol::stream::{ClientMessage, Configure, FilterChoice, FilterSettings, Mode, StreamSettings};
 use crate::server::problem::Problem;
 use crate::server::query::check;
 use crate::server::registry::{Choice, Registry};
+use roomsight_protocol::stream::{
+    ClientMessage, Configure, FilterChoice, FilterSettings, Mode, StreamSettings,
+};
+use roomsight_recognition::filter::Trust;
 
 /// The longest interval of the mode `sampled`, and the longest deadline, in milliseconds: an hour.
 const MAX_MS: u64 = 3_600_000;

@@ -5,19 +5,19 @@ use super::kept::Kept;
 use super::ledger::Accepted;
 use super::moment::{Elapsed, Moment};
 use super::session::text;
-use crate::filter::{RoomFilter, Trust};
-use crate::protocol::event::{AnswerEvent, Event};
-use crate::protocol::rest::{Answer, ModelName, RecognizeQuery};
-use crate::protocol::stream::{
-    FilterChange, FilterSettings, Filtered, ModelChanged, Notice, NoticeKind, ServerMessage, StreamResult,
-    StreamSettings,
-};
 use crate::server::Settings;
 use crate::server::api;
 use crate::server::events::Events;
 use crate::server::recognize::Seen;
 use crate::server::registry::ServedModel;
 use crate::server::robots::Record;
+use roomsight_protocol::event::{AnswerEvent, Event};
+use roomsight_protocol::rest::{ModelName, RecognizeQuery};
+use roomsight_protocol::stream::{
+    FilterChange, FilterSettings, Filtered, ModelChanged, Notice, NoticeKind, ServerMessage, StreamResult,
+    StreamSettings,
+};
+use roomsight_recognition::filter::{RoomFilter, Trust};
 use tokio_tungstenite::tungstenite::Utf8Bytes;
 
 /// What a stream says, and has said.
@@ -78,7 +78,7 @@ impl Teller {
         let notice = filtered.as_ref().and_then(|filtered| self.notice(filtered.elapsed));
         let query =
             RecognizeQuery { robot: settings.robot.clone(), top: settings.top, ..RecognizeQuery::default() };
-        let answer = Answer::new(seen, &query, &self.stream);
+        let answer = api::answer(seen, &query, &self.stream);
         let filtered = filtered.map(|filtered| filtered.told);
         let age_ms = Moment::of(frame).age_ms();
         let result = StreamResult { seq: frame.seq, answer, filtered, age_ms, notice };

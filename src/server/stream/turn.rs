@@ -2,13 +2,13 @@
 
 use super::lane::{Lane, Taken, Waiting};
 use super::ledger::Outcome;
-use crate::protocol::stream::DropReason;
 use crate::server::App;
 use crate::server::body::Frame;
 use crate::server::metrics::Transport;
 use crate::server::pool::Panicked;
 use crate::server::recognize::{RecognizeError, Task, look};
 use crate::server::registry::Choice;
+use roomsight_protocol::stream::DropReason;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::sync::mpsc::UnboundedSender;

@@ -1,7 +1,7 @@
 //! Models that use networks, in a bucket.
 
 use super::*;
-use crate::model::{Digest, NETWORKS_FOLDER};
+use roomsight_recognition::model::{Digest, NETWORKS_FOLDER};
 use serde_json::json;
 
 const ONNX: &str = "passes for a network";

@@ -1,11 +1,11 @@
 //! Changes that cross.
 
 use super::*;
-use crate::protocol::rest::VersionState;
 use crate::repository::Repository;
 use crate::server::events::Events;
 use crate::server::metrics::Metrics;
 use crate::server::settings::{Policy, Settings};
+use roomsight_protocol::rest::VersionState;
 use std::fs;
 
 /// A registry of three versions of the model that lies with the project, and its folder.

@@ -1,0 +1,334 @@
+//! A stream of frames, as a robot sees it.
+
+use super::tls::{self, Connection};
+use super::{Client, ClientError, PATIENCE, refused, retry_after};
+use futures_util::stream::{SplitSink, SplitStream};
+use futures_util::{SinkExt, StreamExt};
+use reqwest::header::{AUTHORIZATION, SEC_WEBSOCKET_PROTOCOL};
+use roomsight_protocol::header::Header;
+use roomsight_protocol::stream::{
+    ClientMessage, Configure, FilterChoice, Hello, SUBPROTOCOL, ServerMessage, StreamQuery,
+};
+use tokio::time::timeout;
+use tokio_tungstenite::tungstenite::client::IntoClientRequest;
+use tokio_tungstenite::tungstenite::http::HeaderValue;
+use tokio_tungstenite::tungstenite::protocol::WebSocketConfig;
+use tokio_tungstenite::tungstenite::protocol::frame::coding::CloseCode;
+use tokio_tungstenite::tungstenite::{self, Message};
+use tokio_tungstenite::{WebSocketStream, client_async_with_config};
+
+/// The longest message that is read, in bytes: a result names every room.
+const MAX_MESSAGE_BYTES: usize = 1 << 20;
+
+type Socket = WebSocketStream<Connection>;
+
+/// An open stream. Frames go out in their order, and every accepted one gets one answer, in that order.
+#[derive(Debug)]
+pub struct Stream {
+    hello: Hello,
+    sender: StreamSender,
+    receiver: StreamReceiver,
+}
+
+/// The half of a stream that sends.
+#[derive(Debug)]
+pub struct StreamSender(SplitSink<Socket, Message>);
+
+/// The half of a stream that receives. It must be read all the time: that also answers pings.
+#[derive(Debug)]
+pub struct StreamReceiver {
+    socket: SplitStream<Socket>,
+    point: ResumePoint,
+}
+
+/// Where a stream can go on after its connection broke.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ResumePoint {
+    /// The stream's session, a secret: who has it can go on with the stream.
+    pub session: String,
+    /// The last frame whose answer arrived.
+    pub last_seq: Option<u64>,
+}
+
+impl Stream {
+    pub(super) async fn open(client: &Client, configure: &Configure) -> Result<Self, ClientError> {
+        let mut stream = Self::connect(client, &query_of(configure)).await?;
+        // An address has no words for how the filter weighs frames.
+        if let Some(FilterChoice::With(_)) = configure.filter {
+            stream.configure(&Configure { filter: configure.filter, ..Configure::default() }).await?;
+        }
+        Ok(stream)
+    }
+
+    pub(super) async fn resume(client: &Client, point: &ResumePoint) -> Result<Self, ClientError> {
+        let query = StreamQuery {
+            session: Some(point.session.clone()),
+            last_seq: point.last_seq,
+            ..StreamQuery::default()
+        };
+        let mut stream = Self::connect(client, &query).await?;
+        if stream.hello.resumed {
+            stream.receiver.point.last_seq = point.last_seq;
+        }
+        Ok(stream)
+    }
+
+    /// What the service said first: the session, its settings, limits and rooms.
+    pub fn hello(&self) -> &Hello {
+        &self.hello
+    }
+
+    /// Sends an encoded image, which the service numbers.
+    pub async fn send(&mut self, frame: Vec<u8>) -> Result<(), ClientError> {
+        self.sender.send(frame).await
+    }
+
+    /// Sends an encoded image with its number, and the time at which it was taken.
+    pub async fn send_with(&mut self, header: Header, frame: &[u8]) -> Result<(), ClientError> {
+        self.sender.send_with(header, frame).await
+    }
+
+    /// Changes the stream; what is left out stays. The service answers with `configured`.
+    pub async fn configure(&mut self, configure: &Configure) -> Result<(), ClientError> {
+        self.sender.configure(configure).await
+    }
+
+    /// The next message.
+    ///
+    /// # Errors
+    /// A connection that was closed or broke.
+    pub async fn receive(&mut self) -> Result<ServerMessage, ClientError> {
+        self.receiver.receive().await
+    }
+
+    /// Where to go on if the connection breaks.
+    pub fn resume_point(&self) -> &ResumePoint {
+        self.receiver.resume_point()
+    }
+
+    /// Halves for two tasks, so that frames go out while answers are awaited.
+    pub fn split(self) -> (StreamSender, StreamReceiver) {
+        (self.sender, self.receiver)
+    }
+
+    /// Connects, and waits for `hello`.
+    async fn connect(client: &Client, query: &StreamQuery) -> Result<Self, ClientError> {
+        timeout(PATIENCE, Self::connect_patiently(client, query)).await.map_err(|_| ClientError::Late)?
+    }
+
+    async fn connect_patiently(client: &Client, query: &StreamQuery) -> Result<Self, ClientError> {
+        let mut request = stream_url(client, query)?.into_client_request().map_err(broken)?;
+        let headers = request.headers_mut();
+        headers.insert(SEC_WEBSOCKET_PROTOCOL, HeaderValue::from_static(SUBPROTOCOL));
+        if let Some(authorization) = &client.authorization {
+            headers.insert(AUTHORIZATION, authorization.clone());
+        }
+        let config = WebSocketConfig::default().max_message_size(Some(MAX_MESSAGE_BYTES));
+        let connection = tls::connect(&client.url, client.tls.as_ref()).await;
+        let connection = connection.map_err(|error| broken(error.into()))?;
+        let (socket, _) = client_async_with_config(request, connection, Some(config)).await.map_err(
+            |error| match error {
+                tungstenite::Error::Http(response) => refused(
+                    response.status(),
+                    retry_after(response.headers()),
+                    response.body().as_deref().unwrap_or_default(),
+                ),
+                error => broken(error),
+            },
+        )?;
+        let (sink, socket) = socket.split();
+        let point = ResumePoint { session: String::new(), last_seq: None };
+        let mut receiver = StreamReceiver { socket, point };
+        loop {
+            if let ServerMessage::Hello(hello) = receiver.receive().await? {
+                receiver.point.session.clone_from(&hello.session);
+                return Ok(Self { hello: *hello, sender: StreamSender(sink), receiver });
+            }
+        }
+    }
+}
+
+impl StreamSender {
+    /// Sends an encoded image, which the service numbers.
+    pub async fn send(&mut self, frame: Vec<u8>) -> Result<(), ClientError> {
+        self.0.send(Message::binary(frame)).await.map_err(broken)
+    }
+
+    /// Sends an encoded image with its number, and the time at which it was taken.
+    pub async fn send_with(&mut self, header: Header, frame: &[u8]) -> Result<(), ClientError> {
+        self.send(header.join(frame)).await
+    }
+
+    /// Changes the stream; what is left out stays. The service answers with `configured`.
+    pub async fn configure(&mut self, configure: &Configure) -> Result<(), ClientError> {
+        let text = serde_json::to_string(&ClientMessage::Configure(configure.clone()))?;
+        self.0.send(Message::text(text)).await.map_err(broken)
+    }
+
+    /// Says that the stream is at its end.
+    pub async fn close(&mut self) -> Result<(), ClientError> {
+        self.0.close().await.map_err(broken)
+    }
+}
+
+impl StreamReceiver {
+    /// The next message. Nothing is lost when this is dropped while it waits.
+    ///
+    /// # Errors
+    /// A connection that was closed or broke.
+    pub async fn receive(&mut self) -> Result<ServerMessage, ClientError> {
+        loop {
+            match self.socket.next().await {
+                Some(Ok(Message::Text(text))) => {
+                    let message: ServerMessage = serde_json::from_str(&text)?;
+                    self.point.last_seq = answered_seq(&message).or(self.point.last_seq);
+                    return Ok(message);
+                }
+                Some(Ok(Message::Close(frame))) => return Err(closed(frame)),
+                // Pings are answered below us; the service sends nothing else.
+                Some(Ok(_)) => {}
+                Some(Err(error)) => return Err(broken(error)),
+                None => return Err(closed(None)),
+            }
+        }
+    }
+
+    /// Where to go on if the connection breaks.
+    pub fn resume_point(&self) -> &ResumePoint {
+        &self.point
+    }
+}
+
+/// A configuration as the address of a stream says it.
+fn query_of(configure: &Configure) -> StreamQuery {
+    let Configure { robot, model, mode, interval_ms, filter, deadline_ms, top, explain } = configure.clone();
+    let filter = filter.map(|filter| filter != FilterChoice::Switch(false));
+    StreamQuery {
+        robot,
+        model,
+        mode,
+        interval_ms,
+        filter,
+        deadline_ms,
+        top,
+        explain,
+        session: None,
+        last_seq: None,
+    }
+}
+
+fn stream_url(client: &Client, query: &StreamQuery) -> Result<String, ClientError> {
+    let call = client.http.get(client.endpoint("v1/stream")).query(query).build()?;
+    Ok(call.url().as_str().replacen("http", "ws", 1))
+}
+
+/// The frame that a message answers.
+fn answered_seq(message: &ServerMessage) -> Option<u64> {
+    match message {
+        ServerMessage::Result(result) => Some(result.seq),
+        ServerMessage::Dropped { seq, .. } => Some(*seq),
+        ServerMessage::Error { seq, .. } => *seq,
+        _ => None,
+    }
+}
+
+fn broken(error: tungstenite::Error) -> ClientError {
+    match error {
+        tungstenite::Error::ConnectionClosed | tungstenite::Error::AlreadyClosed => closed(None),
+        error => ClientError::Broken(Box::new(error)),
+    }
+}
+
+fn closed(frame: Option<tungstenite::protocol::CloseFrame>) -> ClientError {
+    let (code, reason) = frame
+        .map_or((CloseCode::Status, String::new()), |frame| (frame.code, frame.reason.as_str().to_owned()));
+    ClientError::Closed { code: code.into(), reason }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fake::{self, Connection, NO_KEY};
+    use super::*;
+    use roomsight_protocol::stream::{DropReason, FilterSettings, Mode};
+
+    fn dropped(seq: u64) -> ServerMessage {
+        ServerMessage::Dropped { seq, reason: DropReason::Superseded }
+    }
+
+    fn client(url: &str) -> Client {
+        Client::new(url, Some("rs_k")).unwrap()
+    }
+
+    #[tokio::test]
+    async fn frames_go_out_bare_or_with_a_header_and_their_answers_come_in() {
+        let url = fake::serve(|mut connection: Connection| async move {
+            while let Some((header, image)) = connection.frame().await {
+                let seq = header.map_or(image.len() as u64, |header| header.seq);
+                connection.say(&dropped(seq)).await;
+            }
+        });
+        let mut stream = client(&url.await).stream(&Configure::default()).await.unwrap();
+        assert_eq!(stream.hello().protocol, SUBPROTOCOL);
+        assert_eq!(stream.resume_point(), &ResumePoint { session: "fake".into(), last_seq: None });
+        stream.send(vec![0; 3]).await.unwrap();
+        assert_eq!(stream.receive().await.unwrap(), dropped(3));
+        stream.send_with(Header { seq: 7, captured_at_ns: Some(1) }, b"image").await.unwrap();
+        assert_eq!(stream.receive().await.unwrap(), dropped(7));
+        assert_eq!(stream.resume_point().last_seq, Some(7));
+    }
+
+    #[tokio::test]
+    async fn the_address_and_a_message_carry_the_configuration() {
+        let url = fake::serve(|mut connection: Connection| async move {
+            let told = connection.text().await.unwrap();
+            let uri = connection.uri.clone();
+            connection
+                .say(&ServerMessage::Error { seq: None, problem: fake::problem(&format!("{uri} {told}")) })
+                .await;
+        });
+        let configure = Configure {
+            robot: Some("wall e".into()),
+            mode: Some(Mode::Lossless),
+            filter: Some(FilterChoice::With(FilterSettings { trust: 0.5 })),
+            ..Configure::default()
+        };
+        let mut stream = client(&url.await).stream(&configure).await.unwrap();
+        let ServerMessage::Error { problem, .. } = stream.receive().await.unwrap() else {
+            panic!("no error")
+        };
+        assert_eq!(
+            problem.detail,
+            r#"/v1/stream?robot=wall+e&mode=lossless&filter=true {"type":"configure","filter":{"trust":0.5}}"#
+        );
+    }
+
+    #[tokio::test]
+    async fn a_stream_goes_on_after_its_last_answer() {
+        let url = fake::serve(|mut connection: Connection| async move {
+            let seq = if connection.uri.ends_with("session=fake&last_seq=4") { 5 } else { 4 };
+            connection.say(&dropped(seq)).await;
+        });
+        let client = client(&url.await);
+        let mut stream = client.stream(&Configure::default()).await.unwrap();
+        assert_eq!(stream.receive().await.unwrap(), dropped(4));
+        let mut stream = client.resume(stream.resume_point()).await.unwrap();
+        assert_eq!(stream.receive().await.unwrap(), dropped(5));
+    }
+
+    #[tokio::test]
+    async fn a_refusal_and_a_close_are_told_apart() {
+        let url = fake::serve(|mut connection: Connection| async move {
+            connection.close(1001, "draining").await;
+        });
+        let url = url.await;
+        let mut stream = client(&url).stream(&Configure::default()).await.unwrap();
+        let error = stream.receive().await.unwrap_err();
+        assert!(
+            matches!(&error, ClientError::Closed { code: 1001, reason } if reason == "draining"),
+            "{error}"
+        );
+        let error = Client::new(&url, None).unwrap().stream(&Configure::default()).await.unwrap_err();
+        let ClientError::Refused { problem, .. } = error else { panic!("{error}") };
+        assert_eq!(problem.detail, NO_KEY);
+    }
+}

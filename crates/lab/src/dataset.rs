@@ -1,0 +1,322 @@
+//! Labeled frames from disk: one reader a format behind [`open`]. Frames of the place [`ELSEWHERE`] show no room.
+//!
+//! | format | what lies there |
+//! |---|---|
+//! | [`Format::Folder`] | a folder a room: `kitchen/*.jpg`, or `kitchen/SEQUENCE/*.jpg`; also in `train`, `val`, ... |
+//! | [`Format::Manifest`] | `frames.csv` with the columns `file,place,sequence,camera,split` |
+//! | [`Format::Cold`] | COLD sequences: `seq3_cloudy1/{std_cam,omni_cam,localization/places.lst}` |
+//!
+//! What cannot be used is never skipped in silence: it is a [`Problem`] beside the frames, or, where
+//! nothing sensible can be made of the whole, a [`DatasetError`]. One name is one room: names are compared as
+//! [`Dataset::check`] says.
+
+pub mod cold;
+mod describe;
+mod drives;
+mod error;
+mod files;
+mod folder;
+mod glob;
+mod look;
+mod manifest;
+mod names;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+pub use describe::{Copied, Described};
+pub use error::{DatasetError, Problem, ProblemKind, by_kind};
+pub use look::{Look, near_pairs};
+pub use tree::Tree;
+
+use roomsight_recognition::model::ELSEWHERE;
+pub use roomsight_recognition::model::Pose;
+use roomsight_vision::camera::CameraKind;
+use roomsight_vision::image::{Image, ImageError, Limits};
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// One labeled frame on disk.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// The image file.
+    pub path: PathBuf,
+    /// The room that it shows, never empty, or [`ELSEWHERE`].
+    pub place: String,
+    /// The drive that it comes from; empty when unknown.
+    pub sequence: String,
+    /// The kind of camera that took it.
+    pub camera: CameraKind,
+    /// The author's split, such as `train`; empty when there is none.
+    pub split: String,
+    /// When it was taken, in seconds.
+    pub time: Option<f64>,
+    /// Where it was taken.
+    pub pose: Option<Pose>,
+}
+
+impl Frame {
+    /// Whether it shows none of the rooms.
+    pub fn is_elsewhere(&self) -> bool {
+        self.place == ELSEWHERE
+    }
+
+    /// Reads and decodes the image, its luma alone; its size is checked before a byte of it is read.
+    pub fn read(&self, limits: &Limits) -> Result<Image, Problem> {
+        Image::decode(&self.read_encoded(limits)?, limits).map_err(|error| self.undecoded(&error))
+    }
+
+    /// The problem that what was read is no image.
+    fn undecoded(&self, error: &ImageError) -> Problem {
+        Problem::new(&self.path, error.to_string())
+    }
+
+    /// Reads the image as it is encoded; its size is checked before a byte of it is read.
+    pub fn read_encoded(&self, limits: &Limits) -> Result<Vec<u8>, Problem> {
+        files::read_bounded(&self.path, limits.max_bytes as u64)
+            .map_err(|error| Problem::new(&self.path, error.to_string()))
+    }
+}
+
+/// How a data set lies on disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Format {
+    /// A folder a room; says nothing of cameras and splits.
+    Folder,
+    /// A `frames.csv` manifest.
+    Manifest,
+    /// Sequences of the COLD database, or of the simulated lab.
+    Cold,
+}
+
+/// Labeled frames, and what was wrong with the rest.
+#[derive(Clone, Debug)]
+pub struct Dataset {
+    /// What was opened.
+    pub root: PathBuf,
+    /// How it lies on disk.
+    pub format: Format,
+    /// By sequence, then time, then name; numbers in names count by value.
+    pub frames: Vec<Frame>,
+    /// Everything that was left out, in the order it was met.
+    pub problems: Vec<Problem>,
+    /// What was taken otherwise than a user may expect.
+    pub notes: Vec<Problem>,
+    /// How many frames were listed with an empty place.
+    pub n_unlabeled: usize,
+}
+
+/// Opens a data set, telling its format by what lies at `path`. No image is decoded.
+pub fn open(path: &Path) -> Result<Dataset, DatasetError> {
+    open_for(path, &[])
+}
+
+/// The same for a model that knows these rooms: a folder of such a name is a room, also where it is the only
+/// one and might be taken for a folder around the rooms.
+pub fn open_for(path: &Path, rooms: &[String]) -> Result<Dataset, DatasetError> {
+    let metadata = fs::metadata(path).map_err(|error| DatasetError::io(path, error))?;
+    let mut dataset = if metadata.is_dir() { in_folder(path, rooms)? } else { manifest::read(path)? };
+    dataset.settle_names();
+    dataset.frames.sort_by(in_order);
+    Ok(dataset)
+}
+
+fn in_folder(path: &Path, rooms: &[String]) -> Result<Dataset, DatasetError> {
+    if let Some(list) = manifest::find(path).map_err(|error| DatasetError::io(path, error))? {
+        return manifest::read(&list);
+    }
+    let tree = Tree::read(path)?;
+    let sequences = cold::find_sequences(&tree);
+    if !sequences.is_empty() {
+        return cold::read(&tree, &sequences);
+    }
+    match wrapped_manifest(&tree) {
+        Some(list) => manifest::read(list),
+        None => folder::read(&tree, rooms),
+    }
+}
+
+/// The manifest in the only folder of a folder, as archives are unpacked.
+fn wrapped_manifest(tree: &Tree) -> Option<&PathBuf> {
+    let [only] = &tree.folders[..] else { return None };
+    let list = only.lists.iter().find(|list| manifest::is_called_so(list));
+    if tree.pictures.is_empty() { list.or_else(|| wrapped_manifest(only)) } else { None }
+}
+
+impl Dataset {
+    fn new(root: &Path, format: Format) -> Self {
+        let (frames, problems, notes) = (Vec::new(), Vec::new(), Vec::new());
+        Self { root: root.to_owned(), format, frames, problems, notes, n_unlabeled: 0 }
+    }
+
+    fn report(&mut self, path: &Path, reason: impl Into<String>) {
+        self.problems.push(Problem::new(path, reason));
+    }
+
+    fn note(&mut self, path: &Path, reason: impl Into<String>) {
+        self.notes.push(Problem::new(path, reason));
+    }
+
+    /// The same with pictures that show none of the rooms, each a frame of [`ELSEWHERE`].
+    pub fn with_elsewhere(mut self, pictures: impl IntoIterator<Item = PathBuf>, camera: CameraKind) -> Self {
+        let frame = |path| Frame {
+            path,
+            place: ELSEWHERE.to_owned(),
+            sequence: String::new(),
+            camera,
+            split: String::new(),
+            time: None,
+            pose: None,
+        };
+        self.frames.extend(pictures.into_iter().map(frame));
+        self
+    }
+
+    /// Brings the names of rooms, sequences and splits into one form; a frame whose room cannot be named is a
+    /// problem. Which names of rooms became one is noted.
+    fn settle_names(&mut self) {
+        let mut spellings: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for mut frame in std::mem::take(&mut self.frames) {
+            let place = names::settled(&frame.place);
+            let place = if place.eq_ignore_ascii_case(ELSEWHERE) { ELSEWHERE.to_owned() } else { place };
+            frame.sequence = names::settled(&frame.sequence);
+            frame.split = names::settled(&frame.split);
+            let unnamed = |name: &&String| !name.is_empty();
+            let fault = [&frame.sequence, &frame.split]
+                .into_iter()
+                .filter(unnamed)
+                .find_map(|name| names::fault(name));
+            if let Some(fault) = names::fault(&place).or(fault) {
+                self.report(&frame.path, fault);
+                continue;
+            }
+            spellings.entry(place.clone()).or_default().insert(std::mem::replace(&mut frame.place, place));
+            self.frames.push(frame);
+        }
+        let root = self.root.clone();
+        for spellings in spellings.into_values().filter(|spellings| spellings.len() > 1) {
+            let spelled: Vec<String> = spellings.iter().map(|name| names::spelled(name)).collect();
+            let reason = "differ in spaces or in how letters are encoded: taken as one room";
+            self.note(&root, format!("{} {reason}", spelled.join(" and ")));
+        }
+    }
+
+    /// The rooms, sorted, each once.
+    pub fn places(&self) -> Vec<String> {
+        let of_rooms = self.frames.iter().filter(|frame| !frame.is_elsewhere());
+        let places: BTreeSet<&str> = of_rooms.map(|frame| frame.place.as_str()).collect();
+        places.into_iter().map(str::to_owned).collect()
+    }
+
+    /// Keeps the frames of one camera. Folders do not name the camera, so there it is set to `camera`.
+    pub fn with_camera(mut self, camera: CameraKind) -> Result<Self, DatasetError> {
+        if self.format == Format::Folder {
+            self.frames.iter_mut().for_each(|frame| frame.camera = camera);
+            return Ok(self);
+        }
+        let wanted = camera_name(camera);
+        self.keep("camera", wanted, |frame| camera_name(frame.camera), |name| name == wanted)
+    }
+
+    /// Keeps the sequences that match one of `patterns`: whole names, separated by commas, with `*`
+    /// for any characters and `?` for one, such as `*cloudy1,*night?`.
+    pub fn with_sequences(self, patterns: &str) -> Result<Self, DatasetError> {
+        let matches = |name: &str| patterns.split(',').any(|pattern| glob::matches(pattern.trim(), name));
+        self.keep("sequence", patterns, |frame| &frame.sequence, matches)
+    }
+
+    /// Keeps the frames of one split, such as `train`.
+    pub fn with_split(self, split: &str) -> Result<Self, DatasetError> {
+        self.keep("split", split, |frame| &frame.split, |name| name == split)
+    }
+
+    /// Refuses what no model can be trained on: no frame, one room only, cameras mixed, or names of rooms that
+    /// only differ in case, in the kind of spaces, or in characters that cannot be seen.
+    pub fn check(&self) -> Result<(), DatasetError> {
+        if self.frames.is_empty() {
+            return Err(DatasetError::NoFrames { root: self.root.clone(), hint: self.why_empty() });
+        }
+        if let [place] = self.places().as_slice() {
+            return Err(DatasetError::OnePlace { place: place.clone() });
+        }
+        self.check_names(&[])?;
+        self.check_camera()
+    }
+
+    /// Refuses names of rooms that only differ in case, in the kind of spaces, or in characters that cannot be
+    /// seen, from each other or from `rooms`, those of a model.
+    pub fn check_names(&self, rooms: &[String]) -> Result<(), DatasetError> {
+        let of_model = rooms.iter().map(|room| (room, None));
+        let of_frames = self.frames.iter().map(|frame| (&frame.place, Some(frame)));
+        let origin = |frame: Option<&Frame>| {
+            frame.map_or_else(|| "a room of the model".to_owned(), |frame| frame.path.display().to_string())
+        };
+        let mut seen: BTreeMap<String, (&String, Option<&Frame>)> = BTreeMap::new();
+        for (place, frame) in of_model.chain(of_frames) {
+            let (other, other_frame) = *seen.entry(names::look(place)).or_insert((place, frame));
+            if other != place {
+                return Err(DatasetError::LookAlike {
+                    left: names::spelled(other),
+                    right: names::spelled(place),
+                    left_origin: origin(other_frame),
+                    right_origin: origin(frame),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses frames of several kinds of camera together: a model knows one.
+    pub fn check_camera(&self) -> Result<(), DatasetError> {
+        let cameras: BTreeSet<&str> = self.frames.iter().map(|frame| camera_name(frame.camera)).collect();
+        if cameras.len() > 1 {
+            return Err(DatasetError::MixedCameras { cameras: error::enumerate(&cameras) });
+        }
+        Ok(())
+    }
+
+    fn keep(
+        mut self,
+        what: &'static str,
+        wanted: &str,
+        name: impl Fn(&Frame) -> &str,
+        matches: impl Fn(&str) -> bool,
+    ) -> Result<Self, DatasetError> {
+        if !self.frames.iter().any(|frame| matches(name(frame))) {
+            let present: BTreeSet<&str> =
+                self.frames.iter().map(name).filter(|name| !name.is_empty()).collect();
+            let present = error::enumerate(&present);
+            return Err(DatasetError::NoMatch { what, wanted: wanted.to_owned(), present });
+        }
+        // Pictures of no room are of no drive and no split either, unless they say so.
+        self.frames.retain(|frame| matches(name(frame)) || (frame.is_elsewhere() && name(frame).is_empty()));
+        Ok(self)
+    }
+
+    fn why_empty(&self) -> String {
+        match self.problems.first() {
+            Some(first) => format!("problems: {}, the first: {first}", self.problems.len()),
+            None => format!("frames without a place: {}", self.n_unlabeled),
+        }
+    }
+}
+
+/// The names of the cameras, as in a manifest.
+const CAMERAS: [CameraKind; 3] =
+    [CameraKind::Perspective, CameraKind::Equirectangular, CameraKind::Omnidirectional];
+
+fn camera_name(camera: CameraKind) -> &'static str {
+    match camera {
+        CameraKind::Perspective => "perspective",
+        CameraKind::Equirectangular => "equirectangular",
+        CameraKind::Omnidirectional => "omnidirectional",
+    }
+}
+
+fn in_order(left: &Frame, right: &Frame) -> Ordering {
+    files::natural_order(&left.sequence, &right.sequence)
+        .then_with(|| left.time.partial_cmp(&right.time).unwrap_or(Ordering::Equal))
+        .then_with(|| files::natural_order(&left.path.to_string_lossy(), &right.path.to_string_lossy()))
+}

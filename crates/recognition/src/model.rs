@@ -1,0 +1,405 @@
+//! The whole pipeline: labeled frames to a model, a frame to a room.
+//!
+//! A model is a list of opinions. Each looks at a frame in its way and tells rooms apart by what it sees; their
+//! decision values are calibrated on held-out frames, and the probabilities multiplied, each to the power of a
+//! weight that was fitted on held-out frames too. A single opinion, machines over bags of words, is the method of Lu et
+//! al., "Robust place recognition based on omnidirectional vision and real-time local visual features for mobile
+//! robots": detect, describe, count words, classify.
+
+mod add;
+mod arrays;
+mod calibration;
+mod card;
+mod choose;
+mod config;
+mod effort;
+mod features;
+mod flaw;
+mod folder;
+mod format;
+mod golden;
+mod held_out;
+mod known;
+mod learned;
+mod left_out;
+mod lens;
+mod logit;
+mod nearest;
+mod networks;
+mod novelty;
+mod opinion;
+mod pool;
+mod pose;
+mod sight;
+mod train;
+mod trial;
+mod trials;
+
+pub use add::{AddError, Forgotten};
+pub use card::{Addition, Card, Measurement};
+pub use choose::{
+    Candidate, Choice, HeldOutAnswers, LeftOut, Preferred, Tally, all_opinions, answer_held_out,
+    train_preferred,
+};
+pub use config::{BAG, CalibrationConfig, Config, PATTERNS, Sigmoids};
+pub use effort::{Effort, Means};
+pub use features::{Extractor, Features, Scratch};
+pub use flaw::Flaw;
+pub use folder::{
+    ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
+    VerifiedFile, move_into_place, networks_in, networks_of, write_about,
+};
+pub use format::{FORMAT_VERSION, FormatError};
+pub use golden::{GOLDEN_FOLDER, GoldenFrame};
+pub use lens::{DEFAULT_NETWORK, Lens};
+pub use nearest::NearFrame;
+pub use networks::{
+    CarriedNetwork, Digest, MAX_NETWORK_BYTES, NETWORKS_FOLDER, NetworkEntry, NetworkStore, Networks,
+};
+pub use opinion::{
+    Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
+    Size, Tries, VectorConfig,
+};
+pub use pose::{Pose, PoseEstimate};
+pub use sight::{LocalFeatures, Seen, Sight};
+pub use train::{ELSEWHERE, HeldOut, Sample, TrainError, Training, TrainingStep};
+pub use trial::{Stage, TrialError, TriedModel, try_model};
+pub use trials::{Trials, Unit};
+
+use crate::filter::{Observation, RoomFilter, Transitions};
+use crate::svm::most_probable;
+use held_out::HeldOutFrames;
+use known::Known;
+use learned::LearnedFrames;
+use novelty::Novelty;
+use opinion::{Clue, Likeness, Opinion, Said};
+use roomsight_vision::camera::Camera;
+use roomsight_vision::image::{Image, ImageError, Limits};
+use roomsight_vision::network::NetworkError;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+
+/// The answer for one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recognition {
+    /// Index into [`Model::places`] of the most probable room, the first of equal ones.
+    pub place_idx: usize,
+    /// Whether a robot may act on it: frames that were held out, and answered at least as surely and to frames no newer,
+    /// were right as often as [`CalibrationConfig::known_precision`] promises.
+    pub known: bool,
+    /// How probable it is that the frame shows a place that was never trained, from 0 to 1, as if every other frame did.
+    /// `None` of models that cannot tell, and where nothing was seen.
+    pub novelty: Option<f32>,
+    /// Why it is not known; `None` where it is.
+    pub unknown: Option<Unknown>,
+    /// One probability a room, in the order of [`Model::places`]; they sum to 1.
+    pub probabilities: Vec<f32>,
+    /// The number of keypoints the answer rests on.
+    pub n_keypoints: usize,
+}
+
+/// Why an answer is not known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Unknown {
+    /// No room is probable enough.
+    Unsure,
+    /// It looks like no place that was trained.
+    NewPlace,
+    /// There is nothing to see in it.
+    NoDetail,
+    /// It is too dark to see anything.
+    Dark,
+    /// Something is before the lens.
+    Covered,
+}
+
+impl fmt::Display for Unknown {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(match self {
+            Self::Unsure => "unsure",
+            Self::NewPlace => "new place",
+            Self::NoDetail => "nothing to see",
+            Self::Dark => "too dark",
+            Self::Covered => "lens covered",
+        })
+    }
+}
+
+impl Recognition {
+    /// What it tells a filter.
+    pub fn observation(&self) -> Observation<'_> {
+        match self.unknown {
+            Some(Unknown::NoDetail | Unknown::Dark | Unknown::Covered) => {
+                Observation { probabilities: &[], novelty: None }
+            }
+            _ => Observation { probabilities: &self.probabilities, novelty: self.novelty },
+        }
+    }
+
+    /// The probability of the room that was answered.
+    pub fn probability(&self) -> f32 {
+        self.probabilities[self.place_idx]
+    }
+}
+
+/// One keypoint's share in an answer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evidence {
+    /// The opinion that saw it.
+    pub opinion: String,
+    /// Column in the frame as it came, in pixels.
+    pub x: f32,
+    /// Row in the frame as it came, in pixels.
+    pub y: f32,
+    /// The word of the opinion's vocabulary that it was assigned to, where there is one.
+    pub word_idx: Option<usize>,
+    /// What the frame is called that has something like it, of those that were learned, where that is known.
+    pub frame: Option<String>,
+    /// Its share in the opinion's decision value of the room; negative speaks against it.
+    pub weight: f32,
+}
+
+/// A trained model. It never changes; share it between threads behind an `Arc`.
+#[derive(Clone, Debug)]
+pub struct Model {
+    config: Config,
+    places: Vec<String>,
+    extractor: Extractor,
+    classification: Classification,
+    transitions: Transitions,
+    /// What it has learned; nothing in files that do not say.
+    learned: LearnedFrames,
+    /// What the calibration rests on; nothing in files that do not say.
+    held_out: HeldOutFrames,
+    /// Frames of rooms that were left out, on which rests what tells new places; nothing in files that do not say.
+    left_out: HeldOutFrames,
+    networks: Networks,
+    card: Card,
+}
+
+/// From features to probabilities.
+#[derive(Clone, Debug)]
+struct Classification {
+    n_places: usize,
+    /// In the order of the configuration's.
+    opinions: Vec<Opinion>,
+    /// The share of frames that show what was never seen, of which no room is more probable.
+    doubt: f64,
+    /// Tells frames of places that were never trained; not in files of before.
+    novelty: Option<Novelty>,
+    /// Which answers are known; none are where there is none.
+    known: Option<Known>,
+}
+
+impl Model {
+    /// The rooms, sorted.
+    pub fn places(&self) -> &[String] {
+        &self.places
+    }
+
+    /// What it was configured to be.
+    pub fn config(&self) -> &Config {
+        &self.config
+    }
+
+    /// The camera whose frames it takes.
+    pub fn camera(&self) -> &Camera {
+        self.extractor.camera()
+    }
+
+    /// What a person would ask about it: what it was trained on, how well it did.
+    pub fn card(&self) -> &Card {
+        &self.card
+    }
+
+    /// The same model with another card.
+    pub fn with_card(self, card: Card) -> Self {
+        Self { card, ..self }
+    }
+
+    /// The networks that it uses.
+    pub fn networks(&self) -> &Networks {
+        &self.networks
+    }
+
+    /// What its file says of them.
+    pub fn network_entries(&self) -> Vec<NetworkEntry> {
+        networks::entries(&self.networks)
+    }
+
+    /// The same model with these networks.
+    pub fn with_networks(self, networks: Networks) -> Self {
+        Self { networks, ..self }
+    }
+
+    /// How robots move between its rooms.
+    pub fn transitions(&self) -> &Transitions {
+        &self.transitions
+    }
+
+    /// The same model with these transitions between its rooms, as [`Transitions::learn`] finds them.
+    pub fn with_transitions(self, transitions: Transitions) -> Self {
+        Self { transitions, ..self }
+    }
+
+    /// What tells the pictures that it has learned from others, as [`Sample::picture`] does; none in files that do not say.
+    pub fn learned_pictures(&self) -> BTreeSet<u64> {
+        self.learned.pictures().collect()
+    }
+
+    /// How much each opinion holds, by name.
+    pub fn sizes(&self) -> BTreeMap<&str, Size> {
+        self.opinions().map(|(name, opinion)| (name, opinion.size())).collect()
+    }
+
+    /// How much each opinion counts, by name.
+    pub fn weights(&self) -> BTreeMap<&str, f64> {
+        self.opinions().map(|(name, opinion)| (name, opinion.weight)).collect()
+    }
+
+    fn opinions(&self) -> impl Iterator<Item = (&str, &Opinion)> {
+        self.config.opinions.keys().map(String::as_str).zip(&self.classification.opinions)
+    }
+
+    /// From which probability on an answer is known; `None` when none ever is, since held-out answers were
+    /// wrong too often at any.
+    pub fn known_probability(&self) -> Option<f32> {
+        self.classification.known.map(|known| known.least_probability)
+    }
+
+    /// Up to which novelty an answer is known; `None` when none ever is, or the model cannot tell.
+    pub fn known_novelty(&self) -> Option<f32> {
+        self.classification.novelty.as_ref()?;
+        self.classification.known.map(|known| known.most_novelty)
+    }
+
+    /// Whether a robot may act on what a filter of its answers says: never where no single answer is known.
+    pub fn knows(&self, filter: &RoomFilter) -> bool {
+        self.known_probability().is_some() && filter.is_sure()
+    }
+
+    /// Whether it tells places that were never trained.
+    pub fn tells_new_places(&self) -> bool {
+        self.classification.novelty.is_some()
+    }
+
+    /// What sees in frames what its opinions look at.
+    pub fn extractor(&self) -> &Extractor {
+        &self.extractor
+    }
+
+    /// Makes it ready to see on so many threads at once, so that none has to wait on its first frame.
+    ///
+    /// # Errors
+    /// A network that cannot be had so often.
+    pub fn prepare(&self, n_threads: usize) -> Result<(), NetworkError> {
+        self.extractor.prepare(n_threads)
+    }
+
+    /// Whether it looks at the colors of frames.
+    pub fn wants_colors(&self) -> bool {
+        self.extractor.wants_colors()
+    }
+
+    /// Decodes a frame of unknown origin to what the model looks at, as [`Extractor::decode`] does.
+    pub fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
+        self.extractor.decode(bytes, limits)
+    }
+
+    /// Which room a frame shows.
+    pub fn recognize(&self, image: &Image, scratch: &mut Scratch) -> Recognition {
+        self.classify(&self.features(image, scratch))
+    }
+
+    /// Detects and describes: the first half of [`Model::recognize`].
+    pub fn features(&self, image: &Image, scratch: &mut Scratch) -> Features {
+        self.extractor.extract(image, scratch)
+    }
+
+    /// Counts words and weighs them: the second half of [`Model::recognize`].
+    pub fn classify(&self, features: &Features) -> Recognition {
+        self.classification.classify(&self.config, features)
+    }
+
+    /// What spoke for and against a room, the strongest first: of each opinion that can tell, in units of its own
+    /// decision values.
+    pub fn explain(&self, features: &Features, place_idx: usize) -> Vec<Evidence> {
+        let by_opinion = |(name, opinion): (&str, &Opinion)| {
+            let of_clue = |Clue { x, y, likeness, weight }| Evidence {
+                opinion: name.to_owned(),
+                x: x * features.scale,
+                y: y * features.scale,
+                word_idx: match likeness {
+                    Likeness::Word(word_idx) => Some(word_idx),
+                    Likeness::Frame(_) => None,
+                },
+                frame: match likeness {
+                    Likeness::Frame(frame_idx) => self.learned.name(frame_idx).map(str::to_owned),
+                    Likeness::Word(_) => None,
+                },
+                weight,
+            };
+            opinion.clues(features, place_idx).into_iter().map(of_clue).collect::<Vec<_>>()
+        };
+        let mut evidence: Vec<Evidence> = self.opinions().flat_map(by_opinion).collect();
+        evidence.sort_by(|a, b| b.weight.abs().total_cmp(&a.weight.abs()));
+        evidence
+    }
+}
+
+impl Classification {
+    fn classify(&self, config: &Config, features: &Features) -> Recognition {
+        let said = self.said(features);
+        let by_opinion = self.opinions.iter().zip(&said);
+        let by_opinion: Vec<Option<Vec<f32>>> = by_opinion
+            .map(|(opinion, said)| Some(opinion.calibration.probabilities(&said.as_ref()?.values)))
+            .collect();
+        let weights: Vec<f64> = self.opinions.iter().map(|opinion| opinion.weight).collect();
+        let probabilities = pool::answer(&by_opinion, &weights, self.doubt, self.n_places);
+        if said.iter().all(Option::is_none) {
+            return Recognition::new(probabilities, None, None, features);
+        }
+        let signs = novelty::signs_of(config, &said, &by_opinion, &probabilities);
+        let novelty = self.novelty.as_ref().map(|novelty| novelty.of(&signs));
+        Recognition::new(probabilities, novelty, self.known, features)
+    }
+
+    /// What each opinion says of a frame.
+    fn said(&self, features: &Features) -> Vec<Option<Said>> {
+        self.opinions.iter().map(|opinion| opinion.answer(features)).collect()
+    }
+
+    /// What opinions keep to go on from, in all.
+    fn n_kept(&self) -> usize {
+        self.opinions.iter().map(|opinion| opinion.size().n_kept).sum()
+    }
+}
+
+impl Recognition {
+    /// The answer to a frame, where so much is known.
+    fn new(probabilities: Vec<f32>, novelty: Option<f32>, known: Option<Known>, features: &Features) -> Self {
+        let place_idx = most_probable(&probabilities);
+        let is_trusted = known.is_some_and(|known| known.holds(probabilities[place_idx], novelty));
+        let is_new = novelty.is_some_and(|novelty| novelty > known.map_or(EVEN, |known| known.most_novelty));
+        let nothing_seen = features.seen.iter().all(Seen::is_nothing);
+        let unknown = match features.flaw {
+            Some(Flaw::Dark) => Some(Unknown::Dark),
+            Some(Flaw::Covered) => Some(Unknown::Covered),
+            Some(Flaw::Flat) => Some(Unknown::NoDetail),
+            None if nothing_seen => Some(Unknown::NoDetail),
+            None if is_trusted => None,
+            None if is_new => Some(Unknown::NewPlace),
+            None => Some(Unknown::Unsure),
+        };
+        let n_keypoints = features.n_keypoints();
+        Self { place_idx, known: unknown.is_none(), novelty, unknown, probabilities, n_keypoints }
+    }
+}
+
+/// Above this novelty a frame is more probably of another place than not.
+const EVEN: f32 = 0.5;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,185 @@
+//! What `train` chooses among where nothing is asked for.
+
+use super::lens::Lens;
+use super::opinion::{
+    Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
+    VectorConfig,
+};
+use super::{BAG, Candidate, Config, PATTERNS};
+use crate::svm;
+use crate::vocabulary::{self, Pooling};
+use roomsight_vision::camera::CameraKind;
+use roomsight_vision::describe::{CsLbp, Descriptor, Region, SiftDescriptor};
+use roomsight_vision::detect::{Dense, Detector, Sift};
+use roomsight_vision::network::Around;
+use std::collections::BTreeMap;
+
+/// How much may be spent on a frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Effort {
+    /// A few milliseconds, without a network.
+    Fast,
+    /// Some tens of milliseconds.
+    #[default]
+    Balanced,
+    /// What answers best.
+    Best,
+}
+
+/// What there is to choose from.
+#[derive(Clone, Copy, Debug)]
+pub struct Means {
+    /// How much may be spent.
+    pub effort: Effort,
+    /// The camera whose frames are answered.
+    pub camera: CameraKind,
+    /// Whether the default network is there.
+    pub has_network: bool,
+}
+
+impl Means {
+    /// The candidates, in the order of preference.
+    pub fn candidates(&self) -> Vec<Candidate> {
+        let with_network = self.has_network && self.effort != Effort::Fast;
+        let is_around = self.camera != CameraKind::Perspective;
+        let (mut places, looks) = match self.effort {
+            Effort::Fast => (vec![memory()], vec![patterns()]),
+            // Corners of all around are enough.
+            Effort::Balanced if is_around => (vec![memory()], vec![patterns(), bag(of_patterns())]),
+            Effort::Balanced => (vec![sift(300)], vec![patterns(), bag(of_gradients())]),
+            Effort::Best if is_around => (vec![memory(), sift(600)], vec![patterns(), bag(of_patterns())]),
+            Effort::Best => (vec![sift(600)], vec![patterns(), bag(of_gradients())]),
+        };
+        if !with_network {
+            return vec![
+                candidate("places and patterns", [&places[..], &looks].concat()),
+                candidate("patterns alone", looks),
+            ];
+        }
+        places.push(self.vector());
+        // Of a frame of an ordinary lens, keypoints tell more places than the cells of a grid, and both no more than they.
+        if is_around {
+            places.push(self.grid());
+        }
+        vec![
+            candidate("places and a network", places.clone()),
+            candidate("a network alone", vec![self.vector()]),
+            candidate("everything", [places, looks].concat()),
+        ]
+    }
+
+    /// How the default network looks at frames.
+    fn lens(&self) -> Lens {
+        match self.camera {
+            CameraKind::Perspective => Lens::of_size(384, 224, Around::Views { n: 8 }),
+            CameraKind::Equirectangular => Lens::default(),
+            // A mirror shows less than views are made for: one strip does for the vector and the grid.
+            CameraKind::Omnidirectional => Lens::of_size(704, 256, Around::Strip { border: 32 }),
+        }
+    }
+
+    fn vector(&self) -> Named {
+        // Of all around there are few frames, of which none may be passed over.
+        let c = if self.camera == CameraKind::Perspective { 1.0 } else { 10.0 };
+        Named("vector", OpinionConfig::Vector(VectorConfig { lens: self.lens(), c }))
+    }
+
+    /// Cells of panoramas are looked for on one strip, since views would show most of them twice, and are coarser.
+    fn grid(&self) -> Named {
+        let lens = match self.camera {
+            CameraKind::Equirectangular => Lens::of_size(640, 256, Around::Strip { border: 32 }),
+            _ => self.lens(),
+        };
+        let features = Remembered::Grid { lens, grid: "block14".to_owned() };
+        Named("grid", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))
+    }
+}
+
+/// An opinion by its name.
+#[derive(Clone)]
+struct Named(&'static str, OpinionConfig);
+
+fn candidate(name: &str, opinions: Vec<Named>) -> Candidate {
+    let opinions: BTreeMap<String, OpinionConfig> =
+        opinions.into_iter().map(|Named(name, opinion)| (name.to_owned(), opinion)).collect();
+    Candidate { name: name.to_owned(), config: Config { opinions, ..Config::default() } }
+}
+
+/// Corners, as the fast loops find them.
+fn memory() -> Named {
+    Named("memory", OpinionConfig::Memory(MemoryConfig::default()))
+}
+
+fn sift(target: usize) -> Named {
+    let features = Remembered::Keypoints {
+        detector: Detector::Sift(Sift { target, ..Sift::default() }),
+        descriptor: Descriptor::Sift(SiftDescriptor::default()),
+    };
+    Named("sift", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))
+}
+
+fn patterns() -> Named {
+    Named(PATTERNS, OpinionConfig::Patterns(PatternsConfig::default()))
+}
+
+/// What the bag describes the points of its grid by, in a few milliseconds.
+fn of_patterns() -> Descriptor {
+    let region = Region { side: 16, scaled: true, ..Region::default() };
+    Descriptor::CsLbp(CsLbp { radius: 1.0, region, ..CsLbp::default() })
+}
+
+/// The same in some tens of milliseconds, which tells more rooms apart.
+fn of_gradients() -> Descriptor {
+    Descriptor::Sift(SiftDescriptor::default())
+}
+
+/// Words of a grid of points at several sizes, counted where they lie.
+fn bag(descriptor: Descriptor) -> Named {
+    let bag = vocabulary::Config {
+        n_words: 400,
+        max_descriptors: 50_000,
+        max_rounds: 15,
+        pooling: Pooling::Pyramid { levels: 3 },
+        ..vocabulary::Config::default()
+    };
+    let machines = MachinesConfig {
+        detector: Detector::Dense(Dense::default()),
+        descriptor,
+        representation: Representation::Bag(bag),
+        classifier: Classifier::LinearSvm(svm::Config { c: 5.0, ..svm::Config::default() }),
+    };
+    Named(BAG, OpinionConfig::Machines(machines))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::all_opinions;
+
+    #[test]
+    fn candidates_are_parts_of_one_configuration_that_makes_sense() {
+        for camera in [CameraKind::Perspective, CameraKind::Equirectangular, CameraKind::Omnidirectional] {
+            for effort in [Effort::Fast, Effort::Balanced, Effort::Best] {
+                let candidates = Means { effort, camera, has_network: false }.candidates();
+                let all = all_opinions(&candidates).unwrap();
+                assert_eq!(all.check(), Ok(()));
+                for candidate in candidates {
+                    assert_eq!(
+                        candidate.config,
+                        all.with_opinions(|name| candidate.config.opinions.contains_key(name))
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_network_is_looked_through_where_there_is_one_and_time_for_it() {
+        let looks_through = |effort, has_network| {
+            let means = Means { effort, camera: CameraKind::Equirectangular, has_network };
+            all_opinions(&means.candidates()).unwrap().opinions.contains_key("vector")
+        };
+        assert!(looks_through(Effort::Balanced, true) && looks_through(Effort::Best, true));
+        assert!(!looks_through(Effort::Fast, true) && !looks_through(Effort::Best, false));
+    }
+}

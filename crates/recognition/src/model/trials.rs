@@ -1,0 +1,443 @@
+//! Opinions tried on held-out frames, and the model that comes of it.
+
+use super::held_out::{Answer, Decided, Fusion, HeldOutFrames, TELLABLE, spread_out};
+use super::known::Known;
+use super::learned::LearnedFrames;
+use super::left_out::{ENOUGH_FRAMES, Judged, Round, RoundDecision, RoundFrame, judge, rounds};
+use super::opinion::{Chosen, Learner, Opinion, OpinionConfig, Said, Trained};
+use super::sight::Seen;
+use super::{
+    Card, Classification, Config, Extractor, HeldOut, Model, Recognition, Sample, TrainError, Training,
+    TrainingStep,
+};
+use crate::filter::Transitions;
+use crate::folds::{folds, spread_single_fold_labels};
+use rayon::prelude::*;
+use roomsight_vision::camera::Camera;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Opinions that were tried on held-out frames: what models of all of them, or of some, would answer.
+pub struct Trials<'a> {
+    /// All that were given.
+    given: &'a [&'a Sample],
+    /// Which of them show rooms. Samples are numbered among these from here on.
+    sample_idxs: Vec<usize>,
+    samples: Vec<&'a Sample>,
+    places: Vec<String>,
+    /// One class a sample.
+    labels: Vec<usize>,
+    folds: Vec<usize>,
+    n_folds: usize,
+    are_single_frames: bool,
+    /// What is trained to tell places that were never trained.
+    rounds: Vec<Round>,
+    /// Of all opinions.
+    config: &'a Config,
+    opinions: Vec<Tried<'a>>,
+    decisions: Vec<Decision>,
+    /// Frames of elsewhere, as each was decided without one of the folds.
+    elsewhere: Vec<RoundDecision>,
+}
+
+/// What is held out together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Whole drives, where there are several and each tells of the others.
+    Drives,
+    /// Single frames, also of drives.
+    Frames,
+}
+
+/// An opinion, what it sees of all samples, and what its trainings have in common.
+struct Tried<'a> {
+    name: &'a str,
+    config: &'a OpinionConfig,
+    seen: Vec<&'a Seen>,
+    /// What it sees of the frames of elsewhere.
+    seen_elsewhere: Vec<&'a Seen>,
+    learner: Learner<'a>,
+    /// On all samples, once that was needed.
+    trained: Option<Arc<Trained>>,
+    /// What it says of the frames of all rounds, one after the other, once that was needed.
+    of_rounds: Option<Vec<Option<Said>>>,
+}
+
+/// What was decided of a sample by opinions trained without its fold.
+struct Decision {
+    sample_idx: usize,
+    decided: Decided,
+}
+
+/// What opinions that were trained without a fold say.
+#[derive(Default)]
+struct FoldDecisions {
+    /// Of the frames of the fold.
+    held_out: Vec<Decision>,
+    /// Of some frames of elsewhere.
+    elsewhere: Vec<RoundDecision>,
+}
+
+impl<'a> Trials<'a> {
+    /// Trains every opinion of `config` without each fold, and lets it decide the frames of the fold.
+    ///
+    /// # Errors
+    /// Parameters that make no sense, fewer than two rooms, what no opinion can learn.
+    pub fn run(
+        given: &'a [&'a Sample],
+        config: &'a Config,
+        unit: Unit,
+        mut progress: impl FnMut(TrainingStep),
+    ) -> Result<Self, TrainError> {
+        config.check().map_err(TrainError::Config)?;
+        let (elsewhere, sample_idxs): (Vec<usize>, Vec<usize>) =
+            (0..given.len()).partition(|&idx| given[idx].is_elsewhere());
+        let samples: Vec<&Sample> = sample_idxs.iter().map(|&idx| given[idx]).collect();
+        let elsewhere: Vec<&Sample> = spread(&elsewhere, ENOUGH_FRAMES).map(|&idx| given[idx]).collect();
+        let names: BTreeSet<&str> = samples.iter().map(|sample| sample.place.as_str()).collect();
+        let places: Vec<String> = names.into_iter().map(str::to_owned).collect();
+        if places.len() < 2 {
+            return Err(TrainError::TooFewPlaces(places.len()));
+        }
+        let labels: Vec<usize> =
+            samples.iter().map(|sample| places.binary_search(&sample.place).unwrap_or_default()).collect();
+        let tried = |(name, opinion): (&'a String, &'a OpinionConfig)| {
+            let sight = opinion.sight();
+            let see = |samples: &[&'a Sample]| {
+                let seen = samples.iter().map(|sample| sample.features.of(&sight));
+                seen.collect::<Option<Vec<&Seen>>>().ok_or(TrainError::OtherSights)
+            };
+            let (seen, seen_elsewhere) = (see(&samples)?, see(&elsewhere)?);
+            let learner = opinion.learner(&seen, config.seed).map_err(|error| error.of(name))?;
+            let (trained, of_rounds) = (None, None);
+            Ok(Tried { name, config: opinion, seen, seen_elsewhere, learner, trained, of_rounds })
+        };
+        let opinions = config.opinions.iter().map(tried).collect::<Result<_, TrainError>>()?;
+        let sequence = |sample: &&'a Sample| if unit == Unit::Drives { sample.sequence.as_str() } else { "" };
+        let sequences: Vec<&str> = samples.iter().map(sequence).collect();
+        let mut trials = Self {
+            given,
+            sample_idxs,
+            samples,
+            places,
+            labels,
+            folds: Vec::new(),
+            n_folds: 0,
+            are_single_frames: false,
+            rounds: Vec::new(),
+            config,
+            opinions,
+            decisions: Vec::new(),
+            elsewhere: Vec::new(),
+        };
+        trials.decide(&sequences, &mut progress)?;
+        let has_sequences = sequences.iter().any(|sequence| *sequence != sequences[0]);
+        if has_sequences && !trials.can_tell()? {
+            trials.are_single_frames = true;
+            trials.decide(&vec![""; sequences.len()], &mut progress)?;
+        }
+        Ok(trials)
+    }
+
+    /// Deals the samples into folds, whole sequences where there are several, and lets every opinion decide each fold.
+    fn decide(
+        &mut self,
+        sequences: &[&str],
+        mut progress: impl FnMut(TrainingStep),
+    ) -> Result<(), TrainError> {
+        self.folds = self.deal(sequences);
+        self.n_folds = self.folds.iter().max().map_or(0, |last| last + 1);
+        self.rounds = rounds(&self.folds, &self.labels, self.config.seed);
+        self.decisions.clear();
+        self.elsewhere.clear();
+        for fold in 0..self.n_folds {
+            progress(self.step(fold));
+            let FoldDecisions { held_out, elsewhere } = self.decide_without(fold)?;
+            self.decisions.extend(held_out);
+            self.elsewhere.extend(elsewhere);
+        }
+        Ok(())
+    }
+
+    /// Whether held-out sequences tell how well rooms are told apart: below half of the frames right, they show other parts of
+    /// the rooms than the others.
+    fn can_tell(&self) -> Result<bool, TrainError> {
+        let decisions = self.decisions_of(self.config);
+        let answers = self.answers(self.config, &decisions)?;
+        let is_right = |(_, answer): &(&usize, &Answer)| answer.outcome(None).is_right;
+        let n_right = answers.iter().filter(is_right).count();
+        Ok(n_right as f64 >= TELLABLE * answers.len() as f64)
+    }
+
+    fn step(&self, n_done: usize) -> TrainingStep {
+        TrainingStep { n_done, n_steps: self.n_folds + self.rounds.len() + 1 }
+    }
+
+    /// The rooms, sorted.
+    pub fn places(&self) -> &[String] {
+        &self.places
+    }
+
+    /// Whether each sample that was given was answered, and with its room.
+    pub(super) fn is_right(&self, held_out: &[HeldOut]) -> Vec<bool> {
+        let mut is_right = vec![false; self.given.len()];
+        for HeldOut { sample_idx, recognition } in held_out {
+            is_right[*sample_idx] = self.given[*sample_idx].place == self.places[recognition.place_idx];
+        }
+        is_right
+    }
+
+    /// What a model of some of the opinions would answer to the samples: each fold's answers, calibrated on the other folds;
+    /// on all where there is only one. None is known. `config` is that of the trials with fewer opinions.
+    ///
+    /// # Errors
+    /// No calibration.
+    pub fn held_out(&self, config: &Config) -> Result<Vec<HeldOut>, TrainError> {
+        let answers = self.answers(config, &self.decisions_of(config))?;
+        let held_out = |(sample_idx, answer): (usize, Answer)| self.told(sample_idx, answer, None, None);
+        Ok(answers.into_iter().map(held_out).collect())
+    }
+
+    fn told(&self, sample_idx: usize, answer: Answer, novelty: Option<f32>, known: Option<Known>) -> HeldOut {
+        let features = &self.samples[sample_idx].features;
+        let recognition = Recognition::new(answer.probabilities, novelty, known, features);
+        HeldOut { sample_idx: self.sample_idxs[sample_idx], recognition }
+    }
+
+    /// The answers to decided samples, by sample.
+    fn answers(
+        &self,
+        config: &Config,
+        decisions: &[Decision],
+    ) -> Result<BTreeMap<usize, Answer>, TrainError> {
+        let answered: BTreeSet<usize> =
+            decisions.iter().map(|decision| self.folds[decision.sample_idx]).collect();
+        let all: Vec<&Decided> = decisions.iter().map(|decision| &decision.decided).collect();
+        let mut answers = BTreeMap::new();
+        for &fold in &answered {
+            let is_other = |decision: &&Decision| self.folds[decision.sample_idx] != fold;
+            let others: Vec<&Decided> =
+                decisions.iter().filter(is_other).map(|decision| &decision.decided).collect();
+            let others = if others.is_empty() { &all } else { &others };
+            let fusion = Fusion::fit(config, self.places.len(), others, &all)?;
+            for decision in decisions.iter().filter(|decision| !is_other(decision)) {
+                let answer = fusion.answer(config, &decision.decided, self.places.len());
+                answers.insert(decision.sample_idx, answer);
+            }
+        }
+        Ok(answers)
+    }
+
+    /// Trains a model of some of the opinions on all samples. `config` is as for [`Trials::held_out`]. Models of the
+    /// same trials share their opinions. `progress` is called before each step.
+    ///
+    /// # Errors
+    /// What an opinion cannot learn; no calibration.
+    pub fn finish(
+        &mut self,
+        config: &Config,
+        camera: Camera,
+        mut progress: impl FnMut(TrainingStep),
+    ) -> Result<Training, TrainError> {
+        let decisions = self.decisions_of(config);
+        let decided: Vec<&Decided> = decisions.iter().map(|decision| &decision.decided).collect();
+        let fusion = Fusion::fit(config, self.places.len(), &decided, &decided)?;
+        let mut rounds = self.decide_rounds(config, &mut progress)?;
+        rounds.extend(self.elsewhere_of(config));
+        progress(self.step(self.n_folds + self.rounds.len()));
+        let answers = self.answers(config, &decisions)?;
+        let n_places = self.places.len();
+        let Judged { novelty, known, novelties } =
+            judge(config, &fusion, &answers, &self.folds, &rounds, n_places);
+        let all: Vec<usize> = (0..self.samples.len()).collect();
+        let mut opinions = Vec::new();
+        let wanted = self.opinions.iter_mut().filter(|tried| config.opinions.contains_key(tried.name));
+        for (tried, (calibration, weight)) in wanted.zip(fusion.calibrations.into_iter().zip(fusion.weights))
+        {
+            let trained = match &tried.trained {
+                Some(trained) => Arc::clone(trained),
+                None => {
+                    let trained = Arc::new(tried.train(&all, &self.labels)?.trained);
+                    Arc::clone(tried.trained.insert(trained))
+                }
+            };
+            opinions.push(Opinion { sight: tried.config.sight(), trained, calibration, weight });
+        }
+        let new = rounds.into_iter().filter(|decision| decision.is_new).map(|decision| decision.decided);
+        let model = Model {
+            config: config.clone(),
+            transitions: Transitions::unlearned(self.places.len()),
+            extractor: Extractor::new(config, camera),
+            classification: Classification {
+                n_places: self.places.len(),
+                opinions,
+                doubt: fusion.doubt,
+                novelty,
+                known,
+            },
+            learned: LearnedFrames::new(&self.samples, &self.labels),
+            held_out: HeldOutFrames::new(decided.into_iter().cloned().collect()).thinned(),
+            left_out: HeldOutFrames::new(new.collect()).thinned(),
+            places: self.places.clone(),
+            networks: config.networks(),
+            card: Card::default(),
+        };
+        let told = |(sample_idx, answer): (usize, Answer)| {
+            self.told(sample_idx, answer, novelties.get(&sample_idx).copied(), known)
+        };
+        let held_out = answers.into_iter().map(told).collect();
+        Ok(Training { model, held_out, are_single_frames: self.are_single_frames })
+    }
+
+    /// What the opinions of `config` say of the frames of all rounds.
+    fn decide_rounds(
+        &mut self,
+        config: &Config,
+        mut progress: impl FnMut(TrainingStep),
+    ) -> Result<Vec<RoundDecision>, TrainError> {
+        let is_wanted = |tried: &Tried| config.opinions.contains_key(tried.name);
+        let missing: Vec<usize> = (0..self.opinions.len())
+            .filter(|&idx| is_wanted(&self.opinions[idx]) && self.opinions[idx].of_rounds.is_none())
+            .collect();
+        let mut said: Vec<Vec<Option<Said>>> = vec![Vec::new(); missing.len()];
+        for (round_idx, round) in self.rounds.iter().enumerate() {
+            progress(self.step(self.n_folds + round_idx));
+            for (&opinion_idx, said) in missing.iter().zip(&mut said) {
+                let tried = &self.opinions[opinion_idx];
+                // What cannot be learned without some of the rooms tells nothing of them.
+                let fitted = tried.train(&round.training, &self.labels).ok();
+                let answer =
+                    |frame: &RoundFrame| tried.answer(fitted.as_ref()?, frame.sample_idx, self.places.len());
+                said.par_extend(round.frames.par_iter().map(answer));
+            }
+        }
+        for (opinion_idx, said) in missing.into_iter().zip(said) {
+            self.opinions[opinion_idx].of_rounds = Some(said);
+        }
+        let by_opinion: Vec<&Vec<Option<Said>>> = self
+            .opinions
+            .iter()
+            .filter(|tried| is_wanted(tried))
+            .filter_map(|tried| tried.of_rounds.as_ref())
+            .collect();
+        let frames =
+            self.rounds.iter().flat_map(|round| round.frames.iter().map(move |frame| (round, frame)));
+        let decision = |(idx, (round, frame)): (usize, (&Round, &RoundFrame))| {
+            let said: Vec<Option<Said>> = by_opinion.iter().map(|said| said[idx].clone()).collect();
+            let decided = Decided { label: self.labels[frame.sample_idx], said };
+            let is_seen = decided.said.iter().any(Option::is_some);
+            is_seen.then_some(RoundDecision { fold: round.fold, decided, is_new: frame.is_new })
+        };
+        Ok(frames.enumerate().filter_map(decision).collect())
+    }
+
+    fn deal(&self, sequences: &[&str]) -> Vec<usize> {
+        let n_folds = self.config.calibration.n_folds;
+        let mut folds = folds(sequences, &self.labels, n_folds, self.config.seed);
+        spread_single_fold_labels(&mut folds, &self.labels, n_folds);
+        folds
+    }
+
+    /// Lets opinions that are trained without a fold decide its samples, and its share of those of elsewhere. Samples of rooms
+    /// that occur in no other fold cannot be answered, and samples in which no opinion sees anything say nothing: both are
+    /// left out.
+    fn decide_without(&self, fold: usize) -> Result<FoldDecisions, TrainError> {
+        let (held_out, training): (Vec<usize>, Vec<usize>) =
+            (0..self.folds.len()).partition(|&sample_idx| self.folds[sample_idx] == fold);
+        let known: BTreeSet<usize> = training.iter().map(|&idx| self.labels[idx]).collect();
+        let held_out: Vec<usize> =
+            held_out.into_iter().filter(|&idx| known.contains(&self.labels[idx])).collect();
+        if held_out.is_empty() || known.len() < 2 {
+            return Ok(FoldDecisions::default());
+        }
+        let fitted: Vec<Fitted> = self
+            .opinions
+            .iter()
+            .map(|tried| tried.train(&training, &self.labels))
+            .collect::<Result<_, _>>()?;
+        let decide = |&sample_idx: &usize| {
+            let said = self.opinions.iter().zip(&fitted);
+            let said = said.map(|(tried, fitted)| tried.answer(fitted, sample_idx, self.places.len()));
+            let decided = Decided { label: self.labels[sample_idx], said: said.collect() };
+            Decision { sample_idx, decided }
+        };
+        let n_places = self.places.len();
+        let decide_elsewhere = |&idx: &usize| {
+            let said = self.opinions.iter().zip(&fitted);
+            let said = said.map(|(tried, fitted)| fitted.says(tried, tried.seen_elsewhere[idx], n_places));
+            // It shows no room: any will do, and all in turn, so that forgetting one forgets few of these.
+            let decided = Decided { label: idx % n_places, said: said.collect() };
+            RoundDecision { fold, decided, is_new: true }
+        };
+        let n_elsewhere = self.opinions.first().map_or(0, |tried| tried.seen_elsewhere.len());
+        let elsewhere: Vec<usize> = (fold..n_elsewhere).step_by(self.n_folds).collect();
+        Ok(FoldDecisions {
+            held_out: held_out.par_iter().map(decide).collect(),
+            elsewhere: elsewhere.par_iter().map(decide_elsewhere).collect(),
+        })
+    }
+
+    /// The decisions of the opinions of `config` in which one of them saw something.
+    fn decisions_of(&self, config: &Config) -> Vec<Decision> {
+        let of_wanted = |Decision { sample_idx, decided }: &Decision| {
+            Some(Decision { sample_idx: *sample_idx, decided: self.said_by(config, decided)? })
+        };
+        self.decisions.iter().filter_map(of_wanted).collect()
+    }
+
+    /// The same of frames of elsewhere.
+    fn elsewhere_of(&self, config: &Config) -> Vec<RoundDecision> {
+        let of_wanted = |decision: &RoundDecision| {
+            let decided = self.said_by(config, &decision.decided)?;
+            Some(RoundDecision { decided, ..*decision })
+        };
+        self.elsewhere.iter().filter_map(of_wanted).collect()
+    }
+
+    /// What the opinions of `config` say, if one of them saw something.
+    fn said_by(&self, config: &Config, decided: &Decided) -> Option<Decided> {
+        let said = decided.said.iter().zip(self.config.opinions.keys());
+        let said = said.filter(|(_, name)| config.opinions.contains_key(*name)).map(|(said, _)| said.clone());
+        let said: Vec<Option<Said>> = said.collect();
+        said.iter().any(Option::is_some).then_some(Decided { label: decided.label, said })
+    }
+}
+
+impl Tried<'_> {
+    /// Trains on the samples of these indices.
+    fn train(&self, sample_idxs: &[usize], labels: &[usize]) -> Result<Fitted, TrainError> {
+        let labels: Vec<usize> = sample_idxs.iter().map(|&idx| labels[idx]).collect();
+        let present: Vec<usize> = labels.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
+        let dense: Vec<usize> =
+            labels.iter().map(|label| present.binary_search(label).unwrap_or_default()).collect();
+        let chosen = Chosen { frame_idxs: sample_idxs, labels: &dense, n_classes: present.len() };
+        let trained = self.learner.train(&self.seen, &chosen).map_err(|error| error.of(self.name))?;
+        Ok(Fitted { trained, present })
+    }
+
+    /// What it says of a sample, among all rooms, when it was trained so.
+    fn answer(&self, fitted: &Fitted, sample_idx: usize, n_places: usize) -> Option<Said> {
+        fitted.says(self, self.seen[sample_idx], n_places)
+    }
+}
+
+/// What was trained, and the classes that it was trained on.
+struct Fitted {
+    trained: Trained,
+    /// Sorted.
+    present: Vec<usize>,
+}
+
+impl Fitted {
+    /// What an opinion that was trained so says of a frame, among all rooms.
+    fn says(&self, tried: &Tried, seen: &Seen, n_places: usize) -> Option<Said> {
+        let said = self.trained.answer(seen)?;
+        let values = spread_out(tried.config.way(), &self.present, n_places, &said.values);
+        Some(said.with_values(values))
+    }
+}
+
+/// At most so many of them, evenly spread.
+fn spread<T>(all: &[T], n_most: usize) -> impl Iterator<Item = &T> {
+    all.iter().step_by(all.len().div_ceil(n_most).max(1))
+}

@@ -1,0 +1,337 @@
+//! The fuzz targets on seeds, and on inputs that once broke something (`fuzz/regressions/TARGET/`).
+//!
+//! With `FUZZ_SEEDS=FOLDER` the seeds are written to `FOLDER/TARGET/` too: `make fuzz` begins with them.
+
+#[path = "../../fuzz/src/lib.rs"]
+mod targets;
+
+use image::{DynamicImage, ImageFormat, Luma, Rgb};
+use rand::{Rng, SeedableRng};
+use roomsight::repository::package;
+use roomsight_recognition::model::{
+    CarriedNetwork, Classifier, Config, Extractor, GoldenFrame, Model, Networks, PatternsConfig,
+    Representation, Sample, Scratch,
+};
+use roomsight_recognition::{boost, svm, vocabulary};
+use roomsight_vision::camera::{Camera, Projection};
+use roomsight_vision::image::Image;
+use roomsight_vision::network::Network;
+use std::fs;
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+struct Target {
+    name: &'static str,
+    run: fn(&[u8]),
+    seeds: Vec<Vec<u8>>,
+}
+
+fn all_targets() -> [Target; 9] {
+    [
+        Target { name: "archive", run: targets::archive, seeds: archives() },
+        Target { name: "lists", run: targets::lists, seeds: lists() },
+        Target { name: "model", run: targets::model, seeds: models() },
+        Target { name: "networks", run: targets::networks, seeds: networks() },
+        Target { name: "oip", run: targets::oip, seeds: oip() },
+        Target { name: "pictures", run: targets::pictures, seeds: pictures() },
+        Target { name: "service", run: targets::service, seeds: service() },
+        Target { name: "settings", run: targets::settings, seeds: settings() },
+        Target { name: "stream", run: targets::stream, seeds: stream() },
+    ]
+}
+
+fn golden(folder: &str) -> Vec<Vec<u8>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
+    let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    let is_picture = |path: &PathBuf| path.extension().is_some_and(|end| end == "png" || end == "jpeg");
+    files.into_iter().filter(is_picture).map(|path| fs::read(path).unwrap()).collect()
+}
+
+/// Every format, gray and in color, and frames that robots have taken, made small: large ones take time and
+/// lead nowhere else.
+fn pictures() -> Vec<Vec<u8>> {
+    let gray = DynamicImage::from(image::GrayImage::from_fn(20, 12, |x, y| Luma([(x * y) as u8])));
+    let color = DynamicImage::from(image::RgbImage::from_fn(17, 9, |x, y| Rgb([x as u8, y as u8, 200])));
+    let mut pictures = Vec::new();
+    let frames = [golden("tests/golden"), golden("models/simulated-lab/1/golden")].concat();
+    let frames = frames.iter().map(|bytes| image::load_from_memory(bytes).unwrap().thumbnail(48, 36));
+    for picture in [gray, color].into_iter().chain(frames) {
+        for format in
+            [ImageFormat::Jpeg, ImageFormat::Png, ImageFormat::WebP, ImageFormat::Bmp, ImageFormat::Pnm]
+        {
+            let mut bytes = Cursor::new(Vec::new());
+            picture.write_to(&mut bytes, format).unwrap();
+            pictures.push(bytes.into_inner());
+        }
+    }
+    pictures.push(b"P2 2 2 255 0 10 20 255".to_vec());
+    pictures
+}
+
+/// One small model of each kind.
+fn trained() -> Vec<Model> {
+    let bag = vocabulary::Config { n_words: 8, ..vocabulary::Config::default() };
+    let words = Config { longest_side: 96, ..Config::default() };
+    let words = words.with_bag(|machines| machines.representation = Representation::Bag(bag));
+    let with = |classifier| words.with_bag(|machines| machines.classifier = classifier);
+    let matched = Classifier::MatchSvm(svm::MatchConfig::default());
+    let configs = [
+        words.clone().with_patterns(0.5, PatternsConfig::default()),
+        with(Classifier::KernelSvm(svm::KernelConfig::default())),
+        with(Classifier::Boost(boost::Config { n_rounds: 4 })),
+        with(matched).with_bag(|machines| machines.representation = Representation::Descriptors {}),
+        words,
+    ];
+    configs.iter().map(train).collect()
+}
+
+fn train(config: &Config) -> Model {
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(1);
+    let extractor = Extractor::new(config, Camera::new(Projection::Perspective));
+    let sample = |idx: usize| {
+        let period = 10 + 6 * (idx % 3);
+        let pixel = |idx: usize| {
+            let is_bright = (idx % 64 % period < period / 2) != (idx / 64 % period < period / 2);
+            random.random_range(0..6) + if is_bright { 200 } else { 40 }
+        };
+        let frame = Image::from_pixels(64, 48, (0..64 * 48).map(pixel).collect()).unwrap();
+        let features = extractor.extract(&frame, &mut Scratch::default());
+        Sample {
+            place: format!("room {}", idx % 3),
+            sequence: format!("drive {}", idx % 2),
+            name: format!("{idx}.jpg"),
+            pose: None,
+            picture: None,
+            features,
+        }
+    };
+    let samples: Vec<Sample> = (0..12).map(sample).collect();
+    let samples: Vec<&Sample> = samples.iter().collect();
+    Model::train(&samples, config, Camera::new(Projection::Perspective), |_| ()).unwrap().model
+}
+
+fn models() -> Vec<Vec<u8>> {
+    let files = trained().into_iter().map(|model| model.to_bytes().unwrap());
+    files.flat_map(|file| [in_parts(&file), file]).collect()
+}
+
+/// What [`targets::model`] puts together to the same model.
+fn in_parts(file: &[u8]) -> Vec<u8> {
+    let (length, rest) = file.split_first_chunk().unwrap();
+    let (header, data) = rest.split_at(u64::from_le_bytes(*length) as usize);
+    let mut arrays: serde_json::Map<_, _> = serde_json::from_slice(header).unwrap();
+    let about = arrays.remove("__metadata__").unwrap()["roomsight"].as_str().unwrap().to_owned();
+    let arrays = serde_json::to_vec(&arrays).unwrap();
+    let again = Model::from_bytes(&targets::model_file(&arrays, about.as_bytes(), data)).unwrap();
+    assert_eq!(again.to_bytes().unwrap(), file);
+    joined(&[&arrays, about.as_bytes(), data])
+}
+
+fn joined(parts: &[&[u8]]) -> Vec<u8> {
+    let (last, first) = parts.split_last().unwrap();
+    let length = |part: &[u8]| u16::try_from(part.len()).unwrap().to_le_bytes();
+    let mut joined: Vec<u8> = first.iter().flat_map(|part| [&length(part), *part].concat()).collect();
+    joined.extend(*last);
+    joined
+}
+
+fn archives() -> Vec<Vec<u8>> {
+    let place = tempfile::tempdir().unwrap();
+    let network = CarriedNetwork::new(b"passes for a network".to_vec(), b"size = [224, 224]".to_vec());
+    let mut models = trained();
+    if let Some(last) = models.pop() {
+        models.push(last.with_networks(Networks::from([("lite0".to_owned(), Arc::new(network))])));
+    }
+    let pack = |(idx, model): (usize, Model)| {
+        let folder = place.path().join(idx.to_string());
+        let bytes = b"P5 2 2 255 0000".to_vec();
+        let name = "frame.pgm".to_owned();
+        let golden = GoldenFrame { name, bytes, place: model.places()[0].clone(), probability: 1.0 / 3.0 };
+        model.save(&folder, &[golden]).unwrap();
+        let mut tar = Vec::new();
+        package::pack(&folder, &mut tar).unwrap();
+        tar
+    };
+    models.into_iter().enumerate().map(pack).collect()
+}
+
+fn lists() -> Vec<Vec<u8>> {
+    let manifest = "file,place,sequence,camera,split\na/1.jpg,kitchen,monday,perspective,train\n";
+    let labels = "t1_x1_y1_a1.jpeg CR-A\nt2.5_x-1.5_y0_a0.1.jpeg 2PO1-A\n";
+    let windows = "\u{feff}\"Place\";\"File\"\r\n\"k\u{fc}che\";\"a\\1.jpg\"\r\n";
+    let [manifest, labels, windows] = [manifest, labels, windows].map(str::as_bytes);
+    vec![joined(&[manifest, labels]), joined(&[windows, b"\xff\xfet\x001\x00"])]
+}
+
+/// A network of two operations with weights, any number of rows and names of all kinds, as its description says and
+/// with none.
+fn networks() -> Vec<Vec<u8>> {
+    let description = b"digest = \"\"\nlicense = \"none\"\norigin = \"a test\"\n[input]\nname = \"image\"\n\
+                        size = [16, 8]\nmultiple_of = 8\nlongest_side = 64\nmean = [0.5, 0.0, 0.0]\n\
+                        scale = [1.0, 1.0, 1.0]\norder = \"bgr\"\n[vector]\noutput = \"map\"\n\
+                        pooling = \"generalized_mean\"\n[grids.all]\noutput = \"map\"\n";
+    let attribute = field(5, &[field(1, b"kernel_shape"), vec![8 << 3, 1, 8 << 3, 1, 0xA0, 1, 7]].concat());
+    let operation = |operator: &[u8], inputs: &[&[u8]], output: &[u8]| {
+        let inputs: Vec<u8> = inputs.iter().flat_map(|input| field(1, input)).collect();
+        [inputs, field(2, output), field(4, operator)].concat()
+    };
+    let weights =
+        [vec![1 << 3, 3, 1 << 3, 3, 1 << 3, 1, 1 << 3, 1, 2 << 3, 1], field(8, b"filters")].concat();
+    let weights = [weights, field(9, &[0.5_f32; 9].map(f32::to_le_bytes).concat())].concat();
+    let sizes: Vec<u8> =
+        [&[8_u8, 1][..], &[8, 3], b"\x12\x04rows", &[8, 16]].iter().flat_map(|dim| field(1, dim)).collect();
+    let tensor = field(1, &[vec![1 << 3, 1], field(2, &sizes)].concat());
+    let value = |name: &str| [field(1, name.as_bytes()), field(2, &tensor)].concat();
+    let graph = |output: &str| {
+        let convolution = [operation(b"Conv", &[b"image", b"filters"], b"sums"), attribute.clone()].concat();
+        let operations =
+            [field(1, &convolution), field(1, &operation(b"Relu", &[b"sums"], output.as_bytes()))];
+        let values = [field(5, &weights), field(11, &value("image")), field(12, &value(output))];
+        [operations.concat(), values.concat()].concat()
+    };
+    let model = |output: &str| [vec![1 << 3, 8], field(7, &graph(output)), field(8, &[2 << 3, 13])].concat();
+    let strange = "Karte \"1\"\u{1}\u{301}";
+    let seeds = ["map", strange].map(|output| joined(&[description, &model(output)]));
+    for output in ["map", strange] {
+        let onnx = model(output);
+        let digest = blake3::hash(&onnx).to_hex();
+        let text = String::from_utf8_lossy(description).replace("\"\"", &format!("{digest:?}"));
+        Network::new("seed", onnx.into(), &text).unwrap();
+    }
+    seeds.to_vec()
+}
+
+/// A field of a message of Protocol Buffers that is bytes, a text or a message.
+fn field(number: u8, content: &[u8]) -> Vec<u8> {
+    let length = content.len();
+    let length =
+        if length < 128 { vec![length as u8] } else { vec![0x80 | length as u8, (length >> 7) as u8] };
+    [&[number << 3 | 2], &length[..], content].concat()
+}
+
+fn oip() -> Vec<Vec<u8>> {
+    let in_json = br#"{"id":"1","inputs":[{"name":"frame","datatype":"BYTES","shape":[1],"data":["UDU="]}],"outputs":[{"name":"room"}]}"#;
+    let behind = br#"{"parameters":{"robot":"r","timeout":900000,"binary_data_output":true},"inputs":[{"name":"frame","datatype":"BYTES","shape":[2,1],"parameters":{"binary_data_size":11}}]}"#;
+    let elements = b"\x02\0\0\0P5\x01\0\0\0P";
+    let length = |json: &[u8]| (json.len() as u16).to_le_bytes();
+    vec![
+        [&length(in_json), &in_json[..]].concat(),
+        [&length(behind), &behind[..], elements].concat(),
+        b"\0\0{\"ready\":true}".to_vec(),
+        b"\0\0{\"parameters\":{\"config\":\"{}\"}}".to_vec(),
+        b"\0\0{\"frame\":\"/9j/4AAQ\\u002f\"}".to_vec(),
+    ]
+}
+
+fn stream() -> Vec<Vec<u8>> {
+    let configure = r#"{"type":"configure","robot":"r","model":"m","mode":"sampled","interval_ms":200,"filter":{"trust":2.0},"deadline_ms":5,"top":3}"#;
+    let query = r#"{"robot":"r","mode":"lossless","filter":true,"session":"a","last_seq":7}"#;
+    let header = [b"RSF1\x01\0\0\0".as_slice(), &7u64.to_le_bytes(), &9u64.to_le_bytes(), b"P5"].concat();
+    let numbers = [4.0, 3.0, 2.0, 1.0, 0.1, 0.5, 0.2, 0.0, 0.9, 0.1, -5.0, f64::NAN, 1e300];
+    vec![
+        configure.as_bytes().to_vec(),
+        query.as_bytes().to_vec(),
+        header,
+        numbers.iter().flat_map(|number: &f64| number.to_le_bytes()).collect(),
+    ]
+}
+
+/// A frame in each way that there is, what is asked besides, and a stream.
+fn service() -> Vec<Vec<u8>> {
+    let frame = pictures().swap_remove(1);
+    let key = targets::robots_key();
+    let request = |first_line: &str, headers: &str, body: &[u8]| {
+        let head = format!(
+            "{first_line} HTTP/1.1\r\nhost: 127.0.0.1\r\nx-api-key: {key}\r\n{headers}\r\n",
+            headers = if body.is_empty() {
+                format!("connection: close\r\n{headers}")
+            } else {
+                format!("connection: close\r\ncontent-length: {}\r\n{headers}", body.len())
+            }
+        );
+        [head.as_bytes(), body].concat()
+    };
+    let form = [
+        b"--x\r\ncontent-disposition: form-data; name=\"frame\"; filename=\"a.png\"\r\n\r\n",
+        &frame[..],
+        b"\r\n--x--\r\n",
+    ]
+    .concat();
+    let json = br#"{"frame":"UDUgMiAyIDI1NSAwMDAw"}"#;
+    let handshake = "connection: upgrade\r\nupgrade: websocket\r\nsec-websocket-version: 13\r\n\
+                     sec-websocket-key: dGhlIHNhbXBsZSBub25jZQ==\r\n";
+    let messages = [
+        message(1, br#"{"type":"configure","mode":"lossless","filter":{"trust":1.5},"top":2}"#),
+        message(2, &frame),
+        message(2, b"RSF1\x01\0\0\0\x07\0\0\0\0\0\0\0\x09\0\0\0\0\0\0\0P5 2 2 255 0000"),
+        message(9, b"ping"),
+        message(8, &1000u16.to_be_bytes()),
+    ];
+    let [_, oip, ..] = &oip()[..] else { panic!("two requests of the protocol") };
+    let binary = format!("inference-header-content-length: {}\r\n", u16::from_le_bytes([oip[0], oip[1]]));
+    let stream = request("GET /v1/stream?robot=r&mode=latest", "", b"");
+    let stream = String::from_utf8(stream).unwrap().replace("connection: close\r\n", handshake);
+    vec![
+        request("POST /v1/recognize?robot=r&top=2&explain=true", "content-type: image/png\r\n", &frame),
+        request("POST /v1/recognize", "content-type: multipart/form-data; boundary=x\r\n", &form),
+        request("POST /v1/recognize/batch", "content-type: multipart/form-data; boundary=x\r\n", &form),
+        request("POST /v1/recognize?deadline_ms=900", "content-type: application/json\r\n", json),
+        request("POST /v2/models/simulated-lab/infer", &binary, &oip[2..]),
+        [stream.as_bytes(), &messages.concat()].concat(),
+    ]
+}
+
+/// A message of a client over a WebSocket, masked by zeros.
+fn message(kind: u8, payload: &[u8]) -> Vec<u8> {
+    let length = payload.len() as u16;
+    let length =
+        if length < 126 { vec![0x80 | length as u8] } else { [&[0xFE], &length.to_be_bytes()[..]].concat() };
+    [&[0x80 | kind], &length[..], &[0; 4], payload].concat()
+}
+
+#[test]
+fn seeds_of_the_service_are_answered() {
+    targets::start_service();
+    for seed in service() {
+        let answer = String::from_utf8_lossy(&targets::exchange(&seed).unwrap()).into_owned();
+        let is_taken =
+            ["HTTP/1.1 200", "HTTP/1.1 101", "HTTP/1.1 400"].iter().any(|line| answer.starts_with(line));
+        assert!(is_taken, "{} {answer}", String::from_utf8_lossy(&seed));
+    }
+}
+
+fn settings() -> Vec<Vec<u8>> {
+    let settings = roomsight::server::Settings::default().to_toml().unwrap();
+    let config = Config::default().with_patterns(0.5, PatternsConfig::default());
+    vec![settings.into_bytes(), toml::to_string(&config).unwrap().into_bytes()]
+}
+
+#[test]
+fn every_target_takes_its_seeds() {
+    let written_to = std::env::var_os("FUZZ_SEEDS").map(PathBuf::from);
+    for Target { name, run, seeds } in all_targets() {
+        assert!(!seeds.is_empty());
+        for seed in seeds {
+            run(&seed);
+            if let Some(folder) = written_to.as_ref().map(|folder| folder.join(name)) {
+                fs::create_dir_all(&folder).unwrap();
+                fs::write(folder.join(blake3::hash(&seed).to_hex().as_str()), seed).unwrap();
+            }
+        }
+    }
+}
+
+#[test]
+fn what_once_broke_something_breaks_nothing() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/regressions");
+    for Target { name, run, .. } in all_targets() {
+        let Ok(inputs) = fs::read_dir(folder.join(name)) else { continue };
+        for input in inputs {
+            let path = input.unwrap().path();
+            println!("{}", path.display());
+            run(&fs::read(path).unwrap());
+        }
+    }
+}
