@@ -1,7 +1,28 @@
 //! The service and the command of roomsight.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`problem`] | every error that a caller can see |
+//! | [`access`] | who may call: keys, and pages of other sites |
+//! | [`settings`] | what an operator may set |
+//! | [`repository`] | which versions of which models there are, on a disk or in a bucket |
+//! | [`engine`] | what answers frames; it knows no HTTP |
+//! | [`http`] | the HTTP service |
+//! | [`cli`] | the commands |
+//!
+//! Each uses those before it. What recognizes is in `roomsight-recognition`, what travels in `roomsight-protocol`.
+
+#![allow(missing_docs, reason = "other programs use the crates below; here names say it, and comments why")]
+
+pub mod problem;
+
+pub mod access;
+pub mod settings;
 
 pub mod repository;
 
-pub mod server;
+pub mod engine;
+
+pub mod http;
 
 pub mod cli;

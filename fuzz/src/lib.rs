@@ -9,7 +9,7 @@ mod service;
 pub use service::{exchange, robots_key, service, start_service};
 
 use roomsight::repository::package;
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use roomsight_lab::dataset;
 use roomsight_protocol::header::Header;
 use roomsight_protocol::oip::request::Inference;

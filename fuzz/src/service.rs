@@ -1,6 +1,8 @@
 //! A connection of a robot: what it sends reaches the service through a socket, as it does in use.
 
-use roomsight::server::{App, Key, Role, Settings, serve};
+use roomsight::access::{Key, Role};
+use roomsight::http::{App, serve};
+use roomsight::settings::Settings;
 use std::io::{Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpStream};
 use std::path::Path;

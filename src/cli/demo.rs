@@ -4,10 +4,10 @@
 
 use super::output::{program, quoted, say};
 use super::serve;
-use crate::server::{self, App, Settings};
+use crate::http::{self, App};
+use crate::settings::Settings;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
-use roomsight_client::http;
 use roomsight_lab::dataset::{self, Frame};
 use serde::Deserialize;
 use std::fs;
@@ -108,7 +108,7 @@ async fn show(args: &DemoArgs, files: Files) -> anyhow::Result<()> {
 
     let app = App::start(Settings { models: files.models.clone(), ..Settings::default() })?;
     let (stop, stopped) = oneshot::channel::<()>();
-    let service = tokio::spawn(server::serve(app, listener, async {
+    let service = tokio::spawn(http::serve(app, listener, async {
         // A sender that is dropped says stop as well.
         stopped.await.unwrap_or(());
     }));
@@ -174,7 +174,7 @@ async fn drive(url: &str, frames: &[Frame]) -> anyhow::Result<()> {
     ensure!(!frames.is_empty(), "the drive has no frame");
     let url = format!("{url}/v1/recognize?robot=demo");
     say!("\nNow the robot drives by night and posts every simulated frame to {url}\n")?;
-    let client = http(PATIENCE).build()?;
+    let client = roomsight_client::http(PATIENCE).build()?;
     let mut pace = interval(PACE);
     pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
     let width = frames.iter().map(|frame| frame.place.len()).max().unwrap_or(0);

@@ -2,7 +2,7 @@
 
 use super::output::say;
 use super::serve::environment;
-use crate::server::Settings;
+use crate::settings::Settings;
 use anyhow::{Context, bail};
 use clap::Args;
 use roomsight_client::http;

@@ -2,7 +2,7 @@
 
 use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
-use crate::server::network_infos;
+use crate::engine::registry::network_infos;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};

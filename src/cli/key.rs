@@ -1,7 +1,7 @@
 //! `roomsight key`: keys of those who may call the service.
 
 use super::output::say;
-use crate::server::{Key, Role};
+use crate::access::{Key, Role};
 use anyhow::anyhow;
 use clap::{Args, Subcommand};
 

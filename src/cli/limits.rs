@@ -1,6 +1,6 @@
 //! What the system allows a process: open files, and the size of a file.
 
-use crate::server::Settings;
+use crate::settings::Settings;
 
 /// Open files beside connections and streams: models, the log, what an upload writes.
 #[cfg(target_os = "linux")]

@@ -5,7 +5,7 @@ mod lines;
 mod otlp;
 
 use super::manners::Manners;
-use crate::server::{LogFormat, Settings};
+use crate::settings::{LogFormat, Settings};
 use anyhow::Context;
 use lines::Lines;
 use std::fs::File;

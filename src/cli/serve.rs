@@ -4,7 +4,8 @@ use super::limits;
 use super::log;
 use super::mistakes::nearest;
 use super::output::say;
-use crate::server::{self, App, ENVIRONMENT_PREFIX, ReloadError, Reloaded, Settings};
+use crate::http::{self, App, ReloadError, Reloaded};
+use crate::settings::{ENVIRONMENT_PREFIX, Settings};
 use anyhow::{Context, bail};
 use clap::Args;
 use std::collections::HashMap;
@@ -96,7 +97,7 @@ fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
             );
         }
         tokio::select! {
-            served = server::serve(app.clone(), listener, stop_signal()) => served.context("the service failed"),
+            served = http::serve(app.clone(), listener, stop_signal()) => served.context("the service failed"),
             never = reload_when_told(&app, args, hangups) => match never {},
         }
     });

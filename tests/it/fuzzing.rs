@@ -303,7 +303,7 @@ fn seeds_of_the_service_are_answered() {
 }
 
 fn settings() -> Vec<Vec<u8>> {
-    let settings = roomsight::server::Settings::default().to_toml().unwrap();
+    let settings = roomsight::settings::Settings::default().to_toml().unwrap();
     let config = Config::default().with_patterns(0.5, PatternsConfig::default());
     vec![settings.into_bytes(), toml::to_string(&config).unwrap().into_bytes()]
 }

@@ -14,11 +14,11 @@ use std::fs;
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/openapi/");
 
 fn document() -> String {
-    roomsight::server::document().to_pretty_json().unwrap() + "\n"
+    roomsight::http::document().to_pretty_json().unwrap() + "\n"
 }
 
 fn stream_document() -> String {
-    serde_json::to_string_pretty(&roomsight::server::stream_document()).unwrap() + "\n"
+    serde_json::to_string_pretty(&roomsight::http::stream_document()).unwrap() + "\n"
 }
 
 fn parsed() -> Value {

@@ -2,9 +2,9 @@
 
 use super::Target;
 use crate::cli::manners::note;
+use crate::engine::registry::network_infos;
 use crate::repository::package::{Limits, copy, unpack};
 use crate::repository::{Change, DefaultModel, Listing, Record, Repository, RepositoryError, Scan};
-use crate::server::network_infos;
 use anyhow::{Context, bail, ensure};
 use roomsight_protocol::rest::{ModelInfo, VersionInfo, VersionState};
 use roomsight_protocol::version_id::VersionId;

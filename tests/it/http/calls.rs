@@ -7,7 +7,9 @@ use crate::http::service::{
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use image::{GrayImage, ImageFormat, Luma};
-use roomsight::server::{App, Key, Role, Settings};
+use roomsight::access::{Key, Role};
+use roomsight::http::App;
+use roomsight::settings::Settings;
 use serde_json::{Value, json};
 use std::io::{Cursor, Write};
 

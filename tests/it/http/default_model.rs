@@ -2,7 +2,7 @@
 
 use crate::http::models::{manual, settings, until};
 use crate::http::service::{Server, frame, models, problem, room, success, write_model, write_other_model};
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

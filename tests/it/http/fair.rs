@@ -5,7 +5,7 @@ use crate::http::robot::Robot;
 use crate::http::service::{
     FORM, SOON, Server, client, form, frame, problem, read_exactly, read_raw, success,
 };
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use roomsight_protocol::stream::ServerMessage;
 use serde_json::Value;
 use std::io::Write;

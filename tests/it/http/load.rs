@@ -2,7 +2,7 @@
 
 use crate::http::service::{CONTINUE, SOON, Server, frame, problem, read_exactly, read_raw, success};
 use image::{GrayImage, ImageFormat};
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use std::io::{Cursor, Write};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};

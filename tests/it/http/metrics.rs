@@ -5,7 +5,8 @@ use crate::http::robot::{Robot, seq_of};
 use crate::http::service::{
     FORM, SOON, Server, client, form, frame, models, problem, room, success, write_model,
 };
-use roomsight::server::{Key, Role, Settings};
+use roomsight::access::{Key, Role};
+use roomsight::settings::Settings;
 use roomsight_protocol::stream::{Configure, DropReason, ServerMessage};
 use std::collections::{BTreeMap, BTreeSet};
 use tokio::time::timeout;

@@ -1,7 +1,7 @@
 //! What never becomes a request is told why, as everything else is.
 
 use crate::http::service::{Server, read_raw};
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use serde_json::Value;
 
 /// Reads an answer that must be a problem of this status and kind, and its id.

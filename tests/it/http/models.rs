@@ -11,7 +11,7 @@ use futures_util::StreamExt;
 use http_body_util::StreamBody;
 use hyper::body::Frame;
 use roomsight::repository::package::pack;
-use roomsight::server::{Policy, Settings};
+use roomsight::settings::{Policy, Settings};
 use roomsight_protocol::stream::{FilterChange, ServerMessage};
 use roomsight_recognition::model::GoldenFrame;
 use safetensors::SafeTensors;

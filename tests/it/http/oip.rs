@@ -5,7 +5,8 @@ use crate::http::service::{
 };
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use roomsight::server::{Key, Role, Settings};
+use roomsight::access::{Key, Role};
+use roomsight::settings::Settings;
 use serde_json::{Value, json};
 
 const LENGTH: &str = "inference-header-content-length";

@@ -3,7 +3,7 @@
 use crate::http::command::Running;
 use crate::http::service::{SOON, client, frame, models, success, write_model_with_network};
 use reqwest::StatusCode;
-use roomsight::server::{Key, Role};
+use roomsight::access::{Key, Role};
 use roomsight_recognition::model::DEFAULT_NETWORK;
 use serde_json::Value;
 use std::fs;

@@ -4,7 +4,7 @@
 use crate::http::command::free_address;
 use crate::http::robot::{Heard, Robot};
 use crate::http::service::{FORM, SOON, Server, client, form, pgm, room, success};
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use roomsight_protocol::stream::ServerMessage;
 use std::fs;
 use std::net::TcpStream;

@@ -1,7 +1,7 @@
 //! `roomsight replay` against a service.
 
 use crate::http::service::{Server, room};
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use serde_json::Value;
 use std::fs;
 use std::path::Path;

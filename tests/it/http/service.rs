@@ -1,6 +1,7 @@
 //! A service on a loopback port, and what is sent to it.
 
-use roomsight::server::{App, Settings, serve};
+use roomsight::http::{App, serve};
+use roomsight::settings::Settings;
 use roomsight_recognition::model::{
     CarriedNetwork, Config, DEFAULT_NETWORK, Extractor, Model, Networks, OpinionConfig, Representation,
     Sample, Scratch, VectorConfig,

@@ -3,7 +3,8 @@
 use crate::http::load::{one_thread, slow_frame, very_slow_frame};
 use crate::http::robot::{Heard, Robot, closed_at_the_door, seq_of};
 use crate::http::service::{SOON, Server, frame, models, problem, room, success, write_model};
-use roomsight::server::{Key, Role, Settings};
+use roomsight::access::{Key, Role};
+use roomsight::settings::Settings;
 use roomsight_protocol::event::RobotInfo;
 use roomsight_protocol::header::{Header, MAX_SEQ};
 use roomsight_protocol::stream::{

@@ -3,7 +3,7 @@
 use crate::http::load::{one_thread, slow_frame};
 use crate::http::robot::{Heard, Robot, in_parts, raw};
 use crate::http::service::{SOON, Server, frame, pgm, success};
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use roomsight_protocol::stream::{DropReason, ServerMessage};
 use tokio::task::JoinSet;
 use tokio::time::timeout;

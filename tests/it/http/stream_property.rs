@@ -3,7 +3,7 @@
 use crate::http::robot::{Heard, Robot, in_parts, seq_of};
 use crate::http::service::{Server, models, pgm, room, write_model};
 use proptest::prelude::*;
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use roomsight_protocol::header::Header;
 use roomsight_protocol::stream::ServerMessage;
 use std::time::Duration;

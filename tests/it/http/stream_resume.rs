@@ -3,7 +3,8 @@
 use crate::http::robot::{Heard, Robot, closed_at_the_door};
 use crate::http::service::{SOON, Server, room, success};
 use futures_util::StreamExt;
-use roomsight::server::{Key, Role, Settings};
+use roomsight::access::{Key, Role};
+use roomsight::settings::Settings;
 use roomsight_protocol::event::RobotInfo;
 use roomsight_protocol::stream::{Mode, ServerMessage, StreamResult};
 use serde_json::Value;

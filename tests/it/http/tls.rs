@@ -3,7 +3,8 @@
 use crate::http::command::{failure, output};
 use crate::http::service::{Server, client, frame, read_raw};
 use reqwest::{Certificate, Identity};
-use roomsight::server::{Key, Role, Settings};
+use roomsight::access::{Key, Role};
+use roomsight::settings::Settings;
 use roomsight_client::{Client, ClientError};
 use roomsight_protocol::rest::RecognizeQuery;
 use roomsight_protocol::stream::{Configure, ServerMessage};

@@ -5,7 +5,7 @@ use crate::http::service::{CONTINUE, OTHER_MODEL, SOON, Server, models, problem,
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use rawzip::ZipArchiveWriter;
-use roomsight::server::Settings;
+use roomsight::settings::Settings;
 use roomsight_recognition::model::{CarriedNetwork, Digest, Model, NETWORKS_FOLDER, Networks};
 use std::fs;
 use std::io::{ErrorKind, Read, Write};

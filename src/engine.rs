@@ -1,0 +1,130 @@
+//! What answers frames, whatever brings them: it knows no HTTP.
+//!
+//! | file | what |
+//! |---|---|
+//! | `caller` | who calls, for what callers share |
+//! | `bodies`, `frame` | the memory for bodies, and who gives way when it is short; a frame and what it holds |
+//! | `pool` | the threads that recognize, and the bounded queue before them |
+//! | `registry` | the models that serve; see there |
+//! | `watch` | looking for what is new among them |
+//! | `recognize` | the one path from bytes to an answer |
+//! | `answers`, `answer` | the frames of one request; what callers read of each |
+//! | `streams` | robots that send frames as they take them; see there |
+//! | `events`, `robots` | what dashboards are told |
+//! | `metrics`, `scrape` | what is counted and measured, and its text |
+//! | `timings`, `spans`, `text` | where time goes, for answers and for traces; names that callers give |
+
+pub mod answer;
+pub mod answers;
+pub mod bodies;
+pub mod caller;
+pub mod events;
+pub mod frame;
+pub mod metrics;
+pub mod pool;
+pub mod recognize;
+pub mod registry;
+pub mod robots;
+pub mod scrape;
+pub mod spans;
+pub mod streams;
+pub mod text;
+pub mod timings;
+pub mod watch;
+
+use crate::access::Keyring;
+use crate::repository::Repository;
+use crate::settings::Settings;
+use bodies::{Bodies, Limits};
+use events::Events;
+use metrics::Metrics;
+use pool::{Pool, Size};
+use registry::{Registry, RegistryError};
+use std::io;
+use std::ops::Deref;
+use std::sync::Arc;
+use streams::Streams;
+use tokio::sync::Semaphore;
+use tokio_util::sync::CancellationToken;
+
+/// The running engine. Cheap to clone; all clones are one.
+#[derive(Clone)]
+pub struct Engine(Arc<EngineState>);
+
+/// What all frames share.
+pub struct EngineState {
+    /// As they were at the start; the keys in force are in `keyring`.
+    pub settings: Settings,
+    pub keyring: Keyring,
+    pub registry: Registry,
+    pub pool: Pool,
+    /// One permit for each byte of a body that may be held.
+    pub body_memory: Arc<Semaphore>,
+    pub bodies: Arc<Bodies>,
+    pub streams: Streams,
+    pub events: Events,
+    pub metrics: Arc<Metrics>,
+    pub stopping: CancellationToken,
+}
+
+/// Why the engine cannot start.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// Nothing to serve.
+    #[error(transparent)]
+    Registry(#[from] RegistryError),
+    /// No threads.
+    #[error("the recognizing threads cannot be started: {0}")]
+    Threads(#[from] io::Error),
+    /// No random numbers.
+    #[error("the system gives no random numbers: {0}")]
+    Random(#[from] getrandom::Error),
+    /// No metrics.
+    #[error("the metrics cannot be set up: {0}")]
+    Metrics(#[from] metrics_exporter_prometheus::BuildError),
+}
+
+impl Engine {
+    /// Loads the models, sends a frame through each that is to serve, and starts the threads.
+    ///
+    /// # Errors
+    /// What is missing.
+    pub fn start(settings: Settings) -> Result<Self, EngineError> {
+        let location = settings.models.to_string_lossy();
+        let repository = Repository::open(&location, &settings.models_cache).map_err(RegistryError::from)?;
+        let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
+        let registry = Registry::open(repository, &settings, (events.clone(), metrics.clone()))?;
+        let body_memory = Arc::new(Semaphore::new(settings.max_buffered_bytes));
+        let bodies = Bodies::new(body_memory.clone(), Limits::of(&settings));
+        Ok(Self(Arc::new(EngineState {
+            keyring: Keyring::new(&settings.keys)?,
+            registry,
+            pool: Pool::new(Size::of(&settings))?,
+            streams: Streams::new(&settings, body_memory.clone()),
+            body_memory,
+            bodies: Arc::new(bodies),
+            events,
+            metrics,
+            stopping: CancellationToken::new(),
+            settings,
+        })))
+    }
+
+    /// Refuses frames from now on; those accepted are answered.
+    pub fn drain(&self) {
+        self.stopping.cancel();
+    }
+
+    /// Whether the service is stopping.
+    pub fn is_draining(&self) -> bool {
+        self.stopping.is_cancelled()
+    }
+}
+
+impl Deref for Engine {
+    type Target = EngineState;
+
+    fn deref(&self) -> &EngineState {
+        &self.0
+    }
+}

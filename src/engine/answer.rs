@@ -1,0 +1,88 @@
+//! What callers read of what was seen in a frame.
+
+use super::recognize::{Reasons, Seen};
+use crate::problem::Problem;
+use roomsight_protocol::rest::{
+    Answer, BatchResult, FramePose, KeypointEvidence, ModelName, NearestFrame, RecognizeQuery,
+    RoomProbability, TimingsMs, Unknown,
+};
+use roomsight_recognition::model::{self, Evidence, NearFrame, Pose, PoseEstimate};
+
+/// What a caller reads of what was seen.
+pub fn answer(seen: Seen, query: &RecognizeQuery, request_id: &str) -> Answer {
+    let served = &seen.served;
+    let places = served.model.places();
+    let recognition = &seen.recognition;
+    let Why { evidence, nearest, pose } = seen.why.map_or_else(Why::default, |why| Why::of(why, places));
+    Answer {
+        room: places[recognition.place_idx].clone(),
+        known: recognition.known,
+        unknown: recognition.unknown.map(unknown),
+        novelty: recognition.novelty,
+        probability: recognition.probabilities[recognition.place_idx],
+        probabilities: rooms(places, &recognition.probabilities, query.top),
+        model: ModelName::from(&**served),
+        keypoints: recognition.n_keypoints,
+        damaged_rows: seen.damaged_rows,
+        timings_ms: TimingsMs::from(seen.timings),
+        request_id: request_id.to_owned(),
+        robot: query.robot.clone(),
+        captured_at: query.captured_at.clone(),
+        evidence,
+        nearest,
+        pose,
+    }
+}
+
+/// The reasons of an answer, as they travel.
+#[derive(Default)]
+struct Why {
+    evidence: Option<Vec<KeypointEvidence>>,
+    nearest: Option<Vec<NearestFrame>>,
+    pose: Option<FramePose>,
+}
+
+impl Why {
+    fn of(Reasons { evidence, nearest, pose }: Reasons, places: &[String]) -> Self {
+        let near = |NearFrame { opinion, name, drive, place_idx, nearness, points, .. }: NearFrame| {
+            NearestFrame { opinion, frame: name, drive, room: places[place_idx].clone(), nearness, points }
+        };
+        let posed = |PoseEstimate { pose: Pose { x, y, angle }, radius }| FramePose { x, y, angle, radius };
+        Self {
+            evidence: Some(evidence.into_iter().map(keypoint_evidence).collect()),
+            nearest: Some(nearest.into_iter().map(near).collect()),
+            pose: pose.map(posed),
+        }
+    }
+}
+
+fn unknown(why: model::Unknown) -> Unknown {
+    match why {
+        model::Unknown::Unsure => Unknown::Unsure,
+        model::Unknown::NewPlace => Unknown::NewPlace,
+        model::Unknown::NoDetail => Unknown::NoDetail,
+        model::Unknown::Dark => Unknown::Dark,
+        model::Unknown::Covered => Unknown::Covered,
+    }
+}
+
+/// The `top` most probable rooms, or all, the most probable first.
+pub fn rooms(places: &[String], probabilities: &[f32], top: Option<usize>) -> Vec<RoomProbability> {
+    let mut order: Vec<usize> = (0..probabilities.len()).collect();
+    order.sort_by(|&a, &b| probabilities[b].total_cmp(&probabilities[a]));
+    order.truncate(top.unwrap_or(usize::MAX));
+    let room = |idx: usize| RoomProbability { room: places[idx].clone(), probability: probabilities[idx] };
+    order.into_iter().map(room).collect()
+}
+
+/// What a caller reads of one frame of a batch.
+pub fn batch_result(result: Result<Answer, Problem>, request_id: &str) -> BatchResult {
+    result.map_or_else(
+        |problem| BatchResult::Error(problem.body(request_id)),
+        |answer| BatchResult::Answer(Box::new(answer)),
+    )
+}
+
+fn keypoint_evidence(Evidence { opinion, x, y, word_idx, frame, weight }: Evidence) -> KeypointEvidence {
+    KeypointEvidence { opinion, x, y, word: word_idx, frame, weight }
+}

@@ -1,0 +1,131 @@
+//! What labels say: closed sets, so that callers cannot add to them.
+
+use crate::engine::timings::Timings;
+use roomsight_protocol::stream::DropReason;
+use roomsight_recognition::model::Unknown;
+
+/// Why frames of streams are not looked at.
+pub const DROP_REASONS: [DropReason; 4] =
+    [DropReason::Superseded, DropReason::Deadline, DropReason::Overload, DropReason::Draining];
+
+/// What brought a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Transport {
+    /// A request.
+    Rest,
+    /// A WebSocket.
+    Stream,
+    /// A request of the Open Inference Protocol.
+    Oip,
+}
+
+/// What became of a frame that was not dropped.
+#[derive(Clone, Copy, Debug)]
+pub enum FrameOutcome {
+    /// It was answered, after this.
+    Answered(Timings),
+    /// Its caller got a problem.
+    Failed(&'static str),
+    /// Nobody waited any more.
+    CallerLeft,
+}
+
+/// What changed what serves.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SwapKind {
+    /// A version was activated.
+    Activate,
+    /// The version before serves again.
+    Rollback,
+    /// A new version came.
+    Latest,
+    /// A label was set or taken away.
+    Label,
+    /// A model was unloaded.
+    Unload,
+}
+
+/// How a change of what serves ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SwapOutcome {
+    /// As wanted.
+    Done,
+    /// What served serves on.
+    Failed,
+    /// A newer change was there first.
+    Lost,
+}
+
+impl Transport {
+    /// As a label.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Rest => "rest",
+            Self::Stream => "stream",
+            Self::Oip => "oip",
+        }
+    }
+}
+
+impl FrameOutcome {
+    /// As a label.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Answered(_) => "answered",
+            Self::Failed(kind) => kind,
+            Self::CallerLeft => "caller-left",
+        }
+    }
+}
+
+impl SwapKind {
+    /// All of them.
+    pub const ALL: [Self; 5] = [Self::Activate, Self::Rollback, Self::Latest, Self::Label, Self::Unload];
+
+    /// As a label.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Activate => "activate",
+            Self::Rollback => "rollback",
+            Self::Latest => "latest",
+            Self::Label => "label",
+            Self::Unload => "unload",
+        }
+    }
+}
+
+impl SwapOutcome {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Done, Self::Failed, Self::Lost];
+
+    /// As a label.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Failed => "failed",
+            Self::Lost => "lost",
+        }
+    }
+}
+
+/// Whether an answer is known, and why not.
+pub fn known_name(unknown: Option<Unknown>) -> &'static str {
+    match unknown {
+        None => "yes",
+        Some(Unknown::Unsure) => "unsure",
+        Some(Unknown::NewPlace) => "new_place",
+        Some(Unknown::NoDetail) => "no_detail",
+        Some(Unknown::Dark) => "dark",
+        Some(Unknown::Covered) => "covered",
+    }
+}
+
+/// The name of a reason.
+pub fn drop_name(reason: DropReason) -> &'static str {
+    match reason {
+        DropReason::Superseded => "superseded",
+        DropReason::Deadline => "deadline",
+        DropReason::Overload => "overload",
+        DropReason::Draining => "draining",
+    }
+}

@@ -1,0 +1,270 @@
+//! The one path from bytes to an answer, whatever brought the bytes.
+
+use crate::engine::Engine;
+use crate::engine::frame::Frame;
+use crate::engine::metrics::{FrameOutcome, Transport};
+use crate::engine::pool::{Panicked, QueueFull, Slot, Undone};
+use crate::engine::registry::{Place, ServedModel, distance};
+use crate::engine::timings::Timings;
+use crate::problem::{Kind, Problem};
+use roomsight_recognition::model::{Evidence, NearFrame, PoseEstimate, Recognition, Scratch};
+use roomsight_vision::image::{Image, ImageError};
+use std::cell::Cell;
+use std::sync::{Arc, Weak};
+use std::time::{Duration, Instant};
+use tokio::sync::oneshot;
+use tokio::time::timeout_at;
+use tracing::{Span, debug_span};
+
+/// What to do with a frame. One model recognizes it from start to end.
+#[derive(Clone, Debug)]
+pub struct Task {
+    /// The model that answers.
+    pub served: Arc<ServedModel>,
+    /// When nobody wants the answer any more.
+    pub deadline: Option<Instant>,
+    /// Whether it is wanted why the room was answered.
+    pub explain: bool,
+    /// What brought the frame.
+    pub transport: Transport,
+}
+
+/// What was seen in a frame.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// The model that answered.
+    pub served: Arc<ServedModel>,
+    /// Its answer.
+    pub recognition: Recognition,
+    /// Where asked for: why.
+    pub why: Option<Reasons>,
+    /// Rows of the frame that are missing at least in part.
+    pub damaged_rows: usize,
+    /// Where the time went.
+    pub timings: Timings,
+}
+
+impl Seen {
+    /// The most probable room.
+    pub fn room(&self) -> &str {
+        &self.served.model.places()[self.recognition.place_idx]
+    }
+}
+
+/// Why a frame was answered so.
+#[derive(Clone, Debug)]
+pub struct Reasons {
+    /// What spoke for and against the room, strongest first.
+    pub evidence: Vec<Evidence>,
+    /// The training frames that are most like it.
+    pub nearest: Vec<NearFrame>,
+    /// Where it was taken, of models that have learned poses.
+    pub pose: Option<PoseEstimate>,
+}
+
+/// The training frames of each opinion that are told.
+const N_NEAREST: usize = 3;
+
+/// Why a frame got no answer.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum RecognizeError {
+    /// The bytes are no image, or one beyond the limits.
+    #[error(transparent)]
+    Image(#[from] ImageError),
+    /// Looked at too late.
+    #[error("the frame's deadline passed before it was looked at; allow more time or send fewer frames")]
+    DeadlinePassed,
+    /// Nobody waits for the answer.
+    #[error("the caller left")]
+    CallerLeft,
+    /// It gave its place in the queue to a caller with fewer frames in it.
+    #[error(transparent)]
+    PushedOut(#[from] QueueFull),
+    /// A defect of ours.
+    #[error(transparent)]
+    Panicked(#[from] Panicked),
+}
+
+impl RecognizeError {
+    /// What kind of problem it is.
+    fn kind(&self) -> Kind {
+        match self {
+            Self::Image(ImageError::TooLarge(_)) => Kind::TooLarge,
+            Self::Image(_) => Kind::NotAnImage,
+            Self::DeadlinePassed => Kind::DeadlinePassed,
+            Self::PushedOut(_) => Kind::QueueFull,
+            Self::CallerLeft | Self::Panicked(_) => Kind::Internal,
+        }
+    }
+}
+
+impl From<RecognizeError> for Problem {
+    fn from(error: RecognizeError) -> Self {
+        match error {
+            RecognizeError::PushedOut(full) => full.into(),
+            error => Self::new(error.kind(), error),
+        }
+    }
+}
+
+impl From<&Result<Seen, RecognizeError>> for FrameOutcome {
+    fn from(result: &Result<Seen, RecognizeError>) -> Self {
+        match result {
+            Ok(seen) => Self::Answered(seen.timings),
+            Err(RecognizeError::CallerLeft) => Self::CallerLeft,
+            Err(error) => Self::Failed(error.kind().name()),
+        }
+    }
+}
+
+impl From<Undone> for RecognizeError {
+    fn from(undone: Undone) -> Self {
+        match undone {
+            Undone::PushedOut(full) => full.into(),
+            Undone::Panicked(panicked) => panicked.into(),
+        }
+    }
+}
+
+/// Queues one frame in the slot it was admitted with; the future waits for what is seen in it. A
+/// deadline that passes while the frame waits is told at once.
+pub fn recognize(
+    engine: &Engine,
+    slot: Slot,
+    frame: Frame,
+    task: Task,
+) -> impl Future<Output = Result<Seen, RecognizeError>> + use<> {
+    let looking = engine.clone();
+    let queued = (Instant::now(), debug_span!("queue"));
+    let deadline = task.deadline;
+    let (start, started) = oneshot::channel();
+    let mut end = End {
+        engine: engine.clone(),
+        served: task.served.clone(),
+        transport: task.transport,
+        outcome: FrameOutcome::CallerLeft,
+    };
+    let span = Span::current();
+    let answer = engine.pool.run(slot, move |has_left| {
+        let _entered = span.enter();
+        let (since, waiting) = queued;
+        let queue = since.elapsed();
+        drop(waiting);
+        if deadline.is_some_and(|deadline| Instant::now() >= deadline) {
+            return Err(RecognizeError::DeadlinePassed);
+        }
+        let _ = start.send(());
+        let mut seen = look(&looking, frame, task, has_left)?;
+        seen.timings.queue = queue;
+        Ok(seen)
+    });
+    async move {
+        let is_late = match deadline {
+            Some(deadline) => timeout_at(deadline.into(), started).await.is_err(),
+            None => false,
+        };
+        let result = if is_late {
+            Err(RecognizeError::DeadlinePassed)
+        } else {
+            answer.await.unwrap_or_else(|undone| Err(undone.into()))
+        };
+        if let Ok(seen) = &result {
+            end.engine.metrics.answer(&seen.served.name, seen.room(), &seen.recognition);
+        }
+        end.set(FrameOutcome::from(&result));
+        result
+    }
+}
+
+/// Counts what became of a frame. A caller that leaves drops it before another outcome is known.
+struct End {
+    engine: Engine,
+    served: Arc<ServedModel>,
+    transport: Transport,
+    outcome: FrameOutcome,
+}
+
+impl End {
+    /// It came to this.
+    fn set(&mut self, outcome: FrameOutcome) {
+        self.outcome = outcome;
+    }
+}
+
+impl Drop for End {
+    fn drop(&mut self) {
+        let ServedModel { name, version, .. } = &*self.served;
+        self.engine.metrics.frame((name, *version), self.transport, self.outcome);
+    }
+}
+
+/// Decodes a frame and sees what is in it, in this thread; `has_left` tells whether nobody waits any more.
+pub fn look(
+    engine: &Engine,
+    frame: Frame,
+    task: Task,
+    has_left: &dyn Fn() -> bool,
+) -> Result<Seen, RecognizeError> {
+    let limits = engine.settings.frame_limits().enough_for(task.served.model.config().longest_side);
+    // The shadow sees the same image.
+    let with_colors = engine.registry.wants_colors(&task.served);
+    let decode = if with_colors { Image::decode_with_colors } else { Image::decode };
+    let (image, decode_time) = timed(&debug_span!("decode"), || decode(&frame.bytes, &limits));
+    let image = image?;
+    drop(frame);
+    if has_left() {
+        return Err(RecognizeError::CallerLeft);
+    }
+    let mut seen = see(task.served, task.explain, &image);
+    seen.timings.decode = decode_time;
+    if let Some(place) = engine.registry.place_in_shadow(&seen.served) {
+        let (served, recognition) = (seen.served.clone(), seen.recognition.clone());
+        engine.pool.queue_shadow(move || compare(place, &image, (&served, &recognition)));
+    }
+    Ok(seen)
+}
+
+/// Lets a shadow see a frame that was recognized, and notes whether it agrees.
+fn compare(place: Place, image: &Image, (served, recognition): (&Arc<ServedModel>, &Recognition)) {
+    let shadow = place.shadow().served.clone();
+    let other = see(shadow.clone(), false, image).recognition;
+    let (rooms, other_rooms) = (served.model.places(), shadow.model.places());
+    let agrees = rooms[recognition.place_idx] == other_rooms[other.place_idx];
+    place.compared(agrees, distance((rooms, recognition), (other_rooms, &other)));
+}
+
+fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
+    let model = &served.model;
+    let (features, features_time) =
+        timed(&debug_span!("features"), || with_scratch(&served, |scratch| model.features(image, scratch)));
+    let (recognition, classify) = timed(&debug_span!("classify"), || model.classify(&features));
+    let why = explain.then(|| Reasons {
+        evidence: model.explain(&features, recognition.place_idx),
+        nearest: model.nearest(&features, N_NEAREST),
+        pose: model.pose(&features),
+    });
+    let timings = Timings { features: features_time, classify, ..Timings::default() };
+    Seen { recognition, why, damaged_rows: image.damaged_rows(), timings, served }
+}
+
+/// Lends this thread's working memory for frames of one model. A job that panics takes the memory
+/// along, so that nothing half-written is used again.
+fn with_scratch<T>(served: &Arc<ServedModel>, work: impl FnOnce(&mut Scratch) -> T) -> T {
+    thread_local!(static SCRATCHES: Cell<Vec<(Weak<ServedModel>, Scratch)>> = const { Cell::new(Vec::new()) });
+    let mut scratches = SCRATCHES.take();
+    scratches.retain(|(owner, _)| owner.strong_count() > 0);
+    let is_ours = |(owner, _): &(Weak<ServedModel>, Scratch)| owner.as_ptr() == Arc::as_ptr(served);
+    let scratch_idx = scratches.iter().position(is_ours).unwrap_or_else(|| {
+        scratches.push((Arc::downgrade(served), Scratch::default()));
+        scratches.len() - 1
+    });
+    let result = work(&mut scratches[scratch_idx].1);
+    SCRATCHES.set(scratches);
+    result
+}
+
+fn timed<T>(span: &Span, work: impl FnOnce() -> T) -> (T, Duration) {
+    let started = Instant::now();
+    let result = span.in_scope(work);
+    (result, started.elapsed())
+}

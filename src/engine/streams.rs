@@ -1,0 +1,164 @@
+//! Streams: a robot sends frames over a WebSocket as it takes them, and hears of each what became of it.
+//!
+//! | file | what |
+//! |---|---|
+//! | `settings` | how a stream is configured |
+//! | `wire` | the bytes of a WebSocket, taken apart |
+//! | `inbox` | its messages, put together within limits |
+//! | `intake` | the memory of frames under way, and who gives way where it is short |
+//! | `socket` | the WebSocket: messages in and out |
+//! | `places` | who may have a stream, and who gives way where places are short |
+//! | `session` | one stream from its first connection to its end |
+//! | `lane` | its frames that wait, and its one place in the queue of the threads |
+//! | `turn` | one of its frames on a thread |
+//! | `ledger` | its frames without an answer, told in order |
+//! | `teller` | what it says: answers, the filter's answers, changes of the model |
+//! | `moment` | when a frame was taken, by the robot's clock or by ours |
+//! | `kept` | what it has said, for a robot that comes back |
+//!
+//! A frame's way: `wire` → `inbox`: its share of memory → `session`: a number → `lane` → a thread takes the
+//! stream's first frame when its turn comes → `ledger` → `teller` → `socket`.
+
+mod inbox;
+mod intake;
+mod kept;
+mod lane;
+mod ledger;
+mod moment;
+mod places;
+mod session;
+pub mod settings;
+mod socket;
+mod teller;
+mod turn;
+mod wire;
+
+use crate::access::Key;
+use crate::engine::Engine;
+use crate::engine::caller::CallerId;
+use crate::engine::robots::Record;
+use crate::settings::Settings;
+use hyper::upgrade::OnUpgrade;
+use inbox::{Inbox, Limits};
+use intake::Intake;
+use places::{NoPlace, Place, Places};
+use roomsight_protocol::stream::{StreamQuery, StreamSettings};
+use session::{Identity, Session};
+use socket::{Close, Socket};
+use std::sync::Arc;
+use tokio::sync::{Semaphore, mpsc};
+use tokio_util::task::TaskTracker;
+use tracing::Instrument;
+
+/// All streams.
+pub struct Streams {
+    places: Places,
+    intake: Arc<Intake>,
+    tasks: TaskTracker,
+}
+
+/// A connection for a stream.
+struct Arrival {
+    socket: Socket,
+    /// The stream was there before.
+    is_resumed: bool,
+    /// The last frame whose answer the robot has.
+    last_seq: Option<u64>,
+}
+
+/// A robot at the door.
+pub struct Caller {
+    pub key: Option<Arc<Key>>,
+    pub id: CallerId,
+    pub query: StreamQuery,
+    pub settings: StreamSettings,
+}
+
+impl Streams {
+    /// As many as the settings allow, whose frames take their bytes from `memory`.
+    pub fn new(settings: &Settings, memory: Arc<Semaphore>) -> Self {
+        Self {
+            places: Places::new(settings.max_streams, settings.max_streams_of_one()),
+            intake: Arc::new(Intake::new(memory, settings.max_buffered_bytes, settings.max_frame_bytes)),
+            tasks: TaskTracker::new(),
+        }
+    }
+
+    /// What dashboards may know, the stream that began first first.
+    pub fn records(&self) -> Vec<Arc<Record>> {
+        self.places.records()
+    }
+
+    /// Ready when the last stream has ended, after a stop.
+    pub async fn finished(&self) {
+        self.tasks.close();
+        self.tasks.wait().await;
+    }
+
+    /// Runs a task that a stop waits for.
+    pub fn spawn(&self, task: impl Future<Output = ()> + Send + 'static) {
+        self.tasks.spawn(task.in_current_span());
+    }
+}
+
+/// Hands the connection to the stream it resumes, or begins a stream.
+pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query, settings }: Caller) {
+    let upgraded = match upgrade.await {
+        Ok(upgraded) => upgraded,
+        Err(error) => return tracing::debug!(%error, "a connection did not become a stream"),
+    };
+    let limits = Limits {
+        max_bytes: engine.settings.max_frame_bytes,
+        message_timeout: engine.settings.stream_message_timeout(),
+    };
+    let holder = id.clone().with_robot(settings.robot.as_deref());
+    let inbox = Inbox::new(&limits, engine.streams.intake.clone(), holder.clone());
+    let socket = Socket::new(upgraded, inbox, engine.settings.stream_write_timeout());
+    let mut arrival = Arrival { socket, is_resumed: true, last_seq: query.last_seq };
+    let resumed = query.session.and_then(|session| engine.streams.places.arrivals(&session, key.as_deref()));
+    if let Some(arrivals) = resumed {
+        match arrivals.send(arrival).await {
+            Ok(()) => return,
+            // The stream has just ended.
+            Err(refused) => arrival = refused.0,
+        }
+    }
+    arrival.is_resumed = false;
+    let (session, stream) = match (random_name::<16>(), random_name::<8>()) {
+        (Ok(session), Ok(stream)) => (session, stream),
+        (Err(error), _) | (_, Err(error)) => {
+            tracing::error!(%error, "there are no random bytes for a stream's name");
+            return arrival.socket.close(Close::Full).await;
+        }
+    };
+    let record = Arc::new(Record::new(stream.clone(), key));
+    let identity = Identity { session: session.clone(), stream: stream.clone(), caller: id };
+    let conversation = match Session::new(engine.clone(), identity, settings, record.clone()) {
+        Ok(conversation) => conversation,
+        Err(problem) => {
+            tracing::warn!(%problem, "a stream has no model");
+            return arrival.socket.close(Close::NoModel).await;
+        }
+    };
+    let (sender, arrivals) = mpsc::channel(1);
+    let given_up = conversation.given_up().clone();
+    let place = Place { arrivals: sender, holder, record, given_up };
+    if let Err(no_place) = engine.streams.places.take(session.clone(), place) {
+        let why = match no_place {
+            NoPlace::Full => Close::Full,
+            NoPlace::Share => Close::Share,
+        };
+        return arrival.socket.close(why).await;
+    }
+    tracing::info!(stream, "a stream begins");
+    conversation.run(arrival, arrivals).await;
+    engine.streams.places.leave(&session);
+    tracing::info!(stream, "a stream ended");
+}
+
+/// So many random bytes, in hexadecimal digits.
+fn random_name<const N_BYTES: usize>() -> Result<String, getrandom::Error> {
+    let mut bytes = [0; N_BYTES];
+    getrandom::fill(&mut bytes)?;
+    Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
+}

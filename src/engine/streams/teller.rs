@@ -1,0 +1,171 @@
+//! What a stream says of the frames that were recognized: the frame's own answer, the filter's, and that the
+//! model changed. And what it has said, for a robot that comes back.
+
+use super::kept::Kept;
+use super::ledger::Accepted;
+use super::moment::{Elapsed, Moment};
+use super::session::text;
+use crate::engine::answer::{answer, rooms};
+use crate::engine::events::Events;
+use crate::engine::recognize::Seen;
+use crate::engine::registry::ServedModel;
+use crate::engine::robots::Record;
+use crate::engine::timings::ms;
+use crate::settings::Settings;
+use roomsight_protocol::event::{AnswerEvent, Event};
+use roomsight_protocol::rest::{ModelName, RecognizeQuery};
+use roomsight_protocol::stream::{
+    FilterChange, FilterSettings, Filtered, ModelChanged, Notice, NoticeKind, ServerMessage, StreamResult,
+    StreamSettings,
+};
+use roomsight_recognition::filter::{RoomFilter, Trust};
+use tokio_tungstenite::tungstenite::Utf8Bytes;
+
+/// What a stream says, and has said.
+pub struct Teller {
+    /// The stream's public name.
+    stream: String,
+    /// The model of the last answer. Only its name is kept, so that a stream that rests does not keep a model
+    /// in memory.
+    model: ModelName,
+    rooms: Vec<String>,
+    filter: Option<Belief>,
+    /// The frames' stamps were found to be doubtful, and that was told.
+    doubts_stamps: bool,
+    kept: Kept,
+}
+
+/// A filter, and the frame it last took in.
+struct Belief {
+    filter: RoomFilter,
+    settings: FilterSettings,
+    at: Moment,
+}
+
+/// A frame that the filter took in.
+struct Step {
+    told: Filtered,
+    /// Since the frame before it.
+    elapsed: Elapsed,
+}
+
+impl Teller {
+    /// Of a stream whose frames this model will answer.
+    pub fn new(stream: String, served: &ServedModel, settings: &Settings) -> Self {
+        let (model, rooms) = (ModelName::from(served), served.model.places().to_vec());
+        let kept = Kept::new(settings);
+        Self { stream, model, rooms, filter: None, doubts_stamps: false, kept }
+    }
+
+    /// The model of the last answer.
+    pub fn model(&self) -> &ModelName {
+        &self.model
+    }
+
+    /// The rooms that it tells apart.
+    pub fn rooms(&self) -> &[String] {
+        &self.rooms
+    }
+
+    /// What is said of a frame that was recognized; dashboards hear it too.
+    pub fn result(
+        &mut self,
+        frame: &Accepted,
+        seen: Seen,
+        (settings, events, record): (&StreamSettings, &Events, &Record),
+    ) -> Vec<Utf8Bytes> {
+        let mut said: Vec<Utf8Bytes> = self.changed_model(frame.seq, &seen.served).into_iter().collect();
+        let filtered = self.filtered(frame, &seen, settings);
+        let notice = filtered.as_ref().and_then(|filtered| self.notice(filtered.elapsed));
+        let query =
+            RecognizeQuery { robot: settings.robot.clone(), top: settings.top, ..RecognizeQuery::default() };
+        let answer = answer(seen, &query, &self.stream);
+        let filtered = filtered.map(|filtered| filtered.told);
+        let age_ms = Moment::of(frame).age_ms();
+        let result = StreamResult { seq: frame.seq, answer, filtered, age_ms, notice };
+        let latency_ms = ms(frame.arrived.elapsed());
+        record.answered(&result);
+        events.tell(|| Event::Answer(Box::new(AnswerEvent::of_stream(&self.stream, &result, latency_ms))));
+        said.push(text(&ServerMessage::Result(Box::new(result))));
+        said
+    }
+
+    /// Keeps a message about a frame for a robot that comes back.
+    pub fn keep(&mut self, seq: u64, message: &Utf8Bytes) {
+        self.kept.keep(seq, message);
+    }
+
+    /// The kept messages about frames after this one, or all of them.
+    pub fn told_after(&self, last_seq: Option<u64>) -> Vec<Utf8Bytes> {
+        self.kept.after(last_seq)
+    }
+
+    /// Says that another model answers from this frame on, if it does.
+    fn changed_model(&mut self, first_seq: u64, served: &ServedModel) -> Option<Utf8Bytes> {
+        let ModelName { name, version, epoch, .. } = &self.model;
+        if (name, *version, *epoch) == (&served.name, served.version, served.epoch) {
+            return None;
+        }
+        let from = std::mem::replace(&mut self.model, ModelName::from(served));
+        let is_kept = self.rooms == served.model.places();
+        if !is_kept {
+            self.filter = None;
+            self.rooms = served.model.places().to_vec();
+        } else if let Some(belief) = &mut self.filter
+            && !served.model.tells_new_places()
+        {
+            belief.filter.forget_elsewhere();
+        }
+        let changed = ModelChanged {
+            from,
+            to: self.model.clone(),
+            epoch: served.epoch,
+            first_seq,
+            filter: if is_kept { FilterChange::Kept } else { FilterChange::Reset },
+            rooms: self.rooms.clone(),
+        };
+        Some(text(&ServerMessage::ModelChanged(Box::new(changed))))
+    }
+
+    /// Says once that the filter does without the frames' stamps.
+    fn notice(&mut self, elapsed: Elapsed) -> Option<Notice> {
+        if self.doubts_stamps || !elapsed.is_doubtful {
+            return None;
+        }
+        self.doubts_stamps = true;
+        let detail = "the times of capture stand still, run backwards, are zero or leap by more than an hour: the \
+            filter takes the times at which such frames arrive; send nanoseconds since 1970 that grow from frame \
+            to frame, or no time";
+        tracing::warn!(stream = self.stream, detail, "the stamps of a stream are doubtful");
+        Some(Notice { kind: NoticeKind::Stamps, detail: detail.to_owned() })
+    }
+
+    fn filtered(&mut self, frame: &Accepted, seen: &Seen, settings: &StreamSettings) -> Option<Step> {
+        let Some(wanted) = settings.filter else {
+            self.filter = None;
+            return None;
+        };
+        let model = &seen.served.model;
+        let at = Moment::of(frame);
+        let same = self.filter.take().filter(|belief| belief.settings == wanted);
+        let elapsed = same.as_ref().map_or_else(Elapsed::default, |belief| at.since(belief.at));
+        let mut belief = same.unwrap_or_else(|| Belief {
+            // What is no trust was refused when the stream was configured.
+            filter: RoomFilter::new(model.places().len(), Trust::try_from(wanted.trust).unwrap_or_default()),
+            settings: wanted,
+            at,
+        });
+        belief.at = at;
+        belief.filter.update(model.transitions(), elapsed.time.as_secs_f64(), seen.recognition.observation());
+        let place_idx = belief.filter.place_idx();
+        let told = Filtered {
+            room: model.places()[place_idx].clone(),
+            known: model.knows(&belief.filter),
+            novelty: belief.filter.novelty(),
+            probability: belief.filter.belief()[place_idx],
+            probabilities: rooms(model.places(), belief.filter.belief(), settings.top),
+        };
+        self.filter = Some(belief);
+        Some(Step { told, elapsed })
+    }
+}

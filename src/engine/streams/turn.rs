@@ -1,0 +1,92 @@
+//! A stream's turn on a thread: its first frame is taken and recognized, and its task hears what became of it.
+
+use super::lane::{Lane, Taken, Waiting};
+use super::ledger::Outcome;
+use crate::engine::Engine;
+use crate::engine::frame::Frame;
+use crate::engine::metrics::Transport;
+use crate::engine::pool::Panicked;
+use crate::engine::recognize::{RecognizeError, Task, look};
+use crate::engine::registry::Choice;
+use roomsight_protocol::stream::DropReason;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use tokio::sync::mpsc::UnboundedSender;
+
+/// What a thread tells the stream's task.
+pub enum News {
+    /// It took a frame, so that the stream may queue again.
+    Took,
+    /// A frame is settled.
+    Settled(u64, Outcome),
+}
+
+/// A stream's turn on a thread.
+pub struct Turn {
+    /// The service.
+    pub engine: Engine,
+    /// The stream's frames that wait.
+    pub lane: Arc<Lane>,
+    /// The model that is asked for.
+    pub model: String,
+    /// Who asks, for the choice of a version; robots without a name take no part in a canary.
+    pub robot: Option<String>,
+    /// Whether it is told why a room was answered.
+    pub explain: bool,
+    /// The stream's task.
+    pub newsroom: UnboundedSender<News>,
+}
+
+impl Turn {
+    /// Takes the stream's first frame that is still in time, and recognizes it.
+    pub fn run(self) {
+        let robot = self.robot.as_deref();
+        let choose = || self.engine.registry.choose(Some(&self.model), &Choice::Serving, robot);
+        let Taken { expired, frame } = self.lane.take(Instant::now(), choose);
+        let _ = self.newsroom.send(News::Took);
+        for seq in expired {
+            let _ = self.newsroom.send(News::Settled(seq, Outcome::Dropped(DropReason::Deadline)));
+        }
+        let Some((waiting, served)) = frame else { return };
+        let Waiting { seq, arrived, deadline, frame, n_header_bytes, share, spans } = waiting;
+        let span = spans.taken();
+        let queue = arrived.elapsed();
+        let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
+        verdict.outcome = Some(match (served, frame.take()) {
+            (_, None) => Outcome::Dropped(DropReason::Overload),
+            (Err(error), _) => Outcome::Failed(error.into()),
+            (Ok(served), Some(frame)) => {
+                let frame = frame.part(frame.bytes.slice(n_header_bytes..));
+                let task = Task { served, deadline, explain: self.explain, transport: Transport::Stream };
+                span.in_scope(|| see(&self.engine, frame, task, queue))
+            }
+        });
+        // Others have its room before its robot hears.
+        drop(share);
+    }
+}
+
+fn see(engine: &Engine, frame: Frame, task: Task, queue: Duration) -> Outcome {
+    match look(engine, frame, task, &|| false) {
+        Ok(mut seen) => {
+            seen.timings.queue = queue;
+            Outcome::Seen(Box::new(seen))
+        }
+        Err(error) => Outcome::Failed(error.into()),
+    }
+}
+
+/// What becomes of a frame that a thread took: a panic on the way is an outcome too.
+struct Verdict<'a> {
+    newsroom: &'a UnboundedSender<News>,
+    seq: u64,
+    outcome: Option<Outcome>,
+}
+
+impl Drop for Verdict<'_> {
+    fn drop(&mut self) {
+        let outcome = self.outcome.take();
+        let panicked = || Outcome::Failed(RecognizeError::from(Panicked).into());
+        let _ = self.newsroom.send(News::Settled(self.seq, outcome.unwrap_or_else(panicked)));
+    }
+}

@@ -1,0 +1,310 @@
+//! Untrusted bodies into frames, within limits on bytes, time and memory.
+//!
+//! A body is read without a slot in the queue, so that slow senders hold no thread's next job back:
+//! a full queue is noticed before the first byte is read, and the slot is taken when the frame is
+//! whole. What slow senders can hold is memory, which is bounded for all bodies together and for each
+//! caller, see [`Bodies`](crate::engine::bodies::Bodies).
+
+use crate::engine::bodies::{Held, NoMemory};
+use crate::engine::caller::CallerId;
+use crate::engine::frame::{EMPTY_FRAME, Frame};
+use crate::engine::pool::Whose;
+use crate::engine::recognize::RecognizeError;
+use crate::http::App;
+use crate::http::caller::caller_of;
+use crate::http::media_type::{MediaType, content_type};
+use crate::http::places::Line;
+use crate::problem::{Kind, Problem};
+use axum::body::{Body, Bytes, HttpBody};
+use axum::extract::{FromRequest, Multipart, Request};
+use axum::http::header;
+use http_body_util::BodyExt;
+use roomsight_protocol::base64_text;
+use roomsight_protocol::object::Object;
+use roomsight_protocol::rest::FrameJson;
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use std::sync::Arc;
+use std::time::Duration;
+use tokio::runtime::Handle;
+use tokio::time::{sleep, timeout};
+
+/// Bytes of a form or of JSON beside the frame, or of JSON without one.
+const ENVELOPE_BYTES: usize = 16 << 10;
+/// The most that is allocated because a caller said how long a body will be.
+const MAX_TRUSTED_BYTES: usize = 256 << 10;
+/// The longest body that is taken apart on the thread that received it, which takes a millisecond or two.
+const MAX_BYTES_AT_ONCE: usize = 1 << 20;
+/// How long a caller whose share is used up waits to hear so: one that asks again at once takes little from others.
+const REFUSAL_PAUSE: Duration = Duration::from_millis(100);
+/// The field of a form that holds a frame.
+const FIELD: &str = "frame";
+
+/// The one frame of a request: the image itself, a form, or JSON.
+pub struct OneFrame(pub Frame);
+
+/// The frames of a batch, a form.
+pub struct Frames(pub Vec<Frame>);
+
+/// Why a body gave no frame.
+#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+pub enum BodyError {
+    /// Nothing in it.
+    #[error("{EMPTY_FRAME}")]
+    Empty,
+    /// Too many bytes.
+    #[error("the body has more than {limit} bytes; send a smaller or more compressed frame")]
+    TooLarge {
+        /// The most bytes.
+        limit: usize,
+    },
+    /// Too many frames in a batch.
+    #[error("the batch has more than {0} frames; send several batches")]
+    TooManyFrames(usize),
+    /// It took too long.
+    #[error("the body was not complete after {} ms; send smaller frames or use a faster connection", .0.as_millis())]
+    Slow(Duration),
+    /// A type that is not read here.
+    #[error("the type {0:?} is not read here; send {1}")]
+    UnsupportedType(String, &'static str),
+    /// Compressed.
+    #[error("a body with the Content-Encoding {0:?} is not read here; send it as it is")]
+    Encoded(String),
+    /// An image without the bytes that `curl -d` leaves out.
+    #[error(
+        "this is no image, or it lost bytes on the way; send it with `curl --data-binary @frame.jpg` (`-d` leaves \
+         out zeros and ends of lines), or as multipart/form-data with `curl -F frame=@frame.jpg`"
+    )]
+    Stripped,
+    /// Not what its type says.
+    #[error("{0}")]
+    Malformed(String),
+    /// The connection broke.
+    #[error("the body broke off: {0}")]
+    Broken(String),
+    /// All memory for bodies is in use, or the caller's share of it.
+    #[error(transparent)]
+    NoMemory(#[from] NoMemory),
+}
+
+impl From<BodyError> for Problem {
+    fn from(error: BodyError) -> Self {
+        let kind = match &error {
+            BodyError::TooLarge { .. } | BodyError::TooManyFrames(_) => Kind::TooLarge,
+            BodyError::Slow(_) => Kind::SlowBody,
+            BodyError::UnsupportedType(..) | BodyError::Encoded(_) => Kind::UnsupportedType,
+            BodyError::Empty | BodyError::Stripped | BodyError::Malformed(_) | BodyError::Broken(_) => {
+                Kind::BadRequest
+            }
+            BodyError::NoMemory(_) => Kind::QueueFull,
+        };
+        let retry_after = match &error {
+            BodyError::NoMemory(NoMemory(full)) => Some(full.retry_after),
+            _ => None,
+        };
+        Self::new(kind, error).with_retry_after(retry_after)
+    }
+}
+
+impl FromRequest<App> for OneFrame {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+        const TYPES: &str = "the image itself, as image/jpeg or as application/octet-stream, \
+            multipart/form-data with a field `frame`, or application/json with base64 in `frame`";
+        let told = MediaType::told(request.headers(), TYPES)?;
+        let max_bytes = app.engine.settings.max_frame_bytes;
+        let limit = match told {
+            MediaType::Image | MediaType::Untold => max_bytes,
+            MediaType::Form => max_bytes + ENVELOPE_BYTES,
+            MediaType::Json => base64_text::longest(max_bytes) + ENVELOPE_BYTES,
+        };
+        let (request, body) = read(app, request, limit).await?;
+        let frame = if told == MediaType::Form {
+            only(form_frames(app, request, body, 2).await?)?
+        } else if told.judged(&body.bytes)? == MediaType::Json {
+            let n_bytes = body.bytes.len();
+            let read = move || Ok::<_, BodyError>(body.part(json_frame(&body.bytes)?));
+            take_apart(app, &caller_of(request.extensions()), n_bytes, read).await??
+        } else {
+            body
+        };
+        if frame.bytes.len() > max_bytes {
+            return Err(BodyError::TooLarge { limit: max_bytes }.into());
+        }
+        Ok(Self(frame))
+    }
+}
+
+impl FromRequest<App> for Frames {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+        const TYPES: &str = "multipart/form-data with a field `frame` for each frame";
+        let headers = request.headers();
+        if MediaType::told(headers, TYPES)? != MediaType::Form {
+            return Err(BodyError::UnsupportedType(content_type(headers).to_owned(), TYPES).into());
+        }
+        let max_frames = app.engine.settings.max_batch_frames;
+        let (request, body) = read(app, request, app.engine.settings.max_batch_bytes).await?;
+        let frames = form_frames(app, request, body, max_frames + 1).await?;
+        match frames.len() {
+            0 => Err(BodyError::Empty.into()),
+            n if n > max_frames => Err(BodyError::TooManyFrames(max_frames).into()),
+            _ => Ok(Self(frames)),
+        }
+    }
+}
+
+/// Admits a request with frames and reads its body: size as declared, a free slot, then the bytes.
+pub async fn read(app: &App, request: Request, limit: usize) -> Result<(Request, Frame), Problem> {
+    if declared(request.body()) > limit {
+        return Err(BodyError::TooLarge { limit }.into());
+    }
+    if app.engine.is_draining() {
+        return Err(Problem::draining());
+    }
+    if let Err(full) = app.engine.pool.has_room(&caller_of(request.extensions())) {
+        if full.whose == Whose::Caller {
+            sleep(REFUSAL_PAUSE).await;
+        }
+        return Err(full.into());
+    }
+    let (request, frame) = receive(app, request, limit).await?;
+    if frame.bytes.is_empty() { Err(BodyError::Empty.into()) } else { Ok((request, frame)) }
+}
+
+/// Reads the body of a request without frames: a little object of JSON, if there is one.
+pub async fn read_json<T: DeserializeOwned>(app: &App, request: Request) -> Result<Option<T>, BodyError> {
+    let (_, body) = receive(app, request, ENVELOPE_BYTES).await?;
+    if body.bytes.is_empty() {
+        return Ok(None);
+    }
+    let object: Option<Object<T>> = from_json(&body.bytes)?;
+    Ok(object.map(|Object(value)| value))
+}
+
+/// Reads a body of at most `limit` bytes, within time.
+async fn receive(app: &App, mut request: Request, limit: usize) -> Result<(Request, Frame), BodyError> {
+    if let Some(encoding) = request.headers().get(header::CONTENT_ENCODING).filter(|&it| it != "identity") {
+        return Err(BodyError::Encoded(String::from_utf8_lossy(encoding.as_bytes()).into_owned()));
+    }
+    let body = std::mem::take(request.body_mut());
+    let patience = app.engine.settings.body_timeout();
+    let held = app.engine.bodies.begin(caller_of(request.extensions()))?;
+    let _waits = request.extensions().get::<Arc<Line>>().map(Line::waits);
+    let received = timeout(patience, collect(body, limit, held)).await;
+    Ok((request, received.map_err(|_| BodyError::Slow(patience))??))
+}
+
+/// How long a caller says that a body will be, at least.
+fn declared(body: &Body) -> usize {
+    usize::try_from(body.size_hint().lower()).unwrap_or(usize::MAX)
+}
+
+/// Reads a body of at most `limit` bytes, the memory for which is taken as they come.
+async fn collect(mut body: Body, limit: usize, mut held: Held) -> Result<Frame, BodyError> {
+    let declared = declared(&body);
+    // A body that comes in one piece is not copied.
+    let mut whole = Bytes::new();
+    let mut pieces = Vec::new();
+    loop {
+        let piece = tokio::select! {
+            piece = body.frame() => piece,
+            gave_way = held.gives_way() => return Err(gave_way.into()),
+        };
+        let Some(piece) = piece else { break };
+        let piece = piece.map_err(|error| BodyError::Broken(error.to_string()))?;
+        let Ok(piece) = piece.into_data() else { continue };
+        if held.n_bytes() + piece.len() > limit {
+            return Err(BodyError::TooLarge { limit });
+        }
+        held.take(piece.len(), declared).await?;
+        if whole.is_empty() && pieces.is_empty() {
+            whole = piece;
+        } else {
+            if pieces.is_empty() {
+                pieces.reserve(declared.min(MAX_TRUSTED_BYTES));
+                pieces.extend_from_slice(&std::mem::take(&mut whole));
+            }
+            pieces.extend_from_slice(&piece);
+        }
+    }
+    held.complete();
+    let bytes = if pieces.is_empty() { whole } else { Bytes::from(pieces) };
+    Ok(Frame::new(bytes, held))
+}
+
+/// Takes a body of `n_bytes` apart: a long one as its caller's work, on a thread that recognizes, so that those
+/// that serve sockets go on.
+pub async fn take_apart<T: Send + 'static>(
+    app: &App,
+    caller: &CallerId,
+    n_bytes: usize,
+    work: impl FnOnce() -> T + Send + 'static,
+) -> Result<T, Problem> {
+    if n_bytes <= MAX_BYTES_AT_ONCE {
+        return Ok(work());
+    }
+    let slot = app.engine.pool.admit_one(caller)?;
+    Ok(app.engine.pool.run(slot, |_| work()).await.map_err(RecognizeError::from)?)
+}
+
+/// The frames of a form in the order sent, at most `max_frames` of them.
+async fn form_frames(
+    app: &App,
+    request: Request,
+    body: Frame,
+    max_frames: usize,
+) -> Result<Vec<Frame>, Problem> {
+    let caller = caller_of(request.extensions());
+    let n_bytes = body.bytes.len();
+    let frames = fields(request, body, max_frames);
+    if n_bytes <= MAX_BYTES_AT_ONCE {
+        return Ok(frames.await?);
+    }
+    // All of it is here already, so that the thread is never idle.
+    let runtime = Handle::current();
+    Ok(take_apart(app, &caller, n_bytes, move || runtime.block_on(frames)).await??)
+}
+
+async fn fields(request: Request, body: Frame, max_frames: usize) -> Result<Vec<Frame>, BodyError> {
+    let malformed = |error: String| BodyError::Malformed(format!("the form cannot be read: {error}"));
+    let request = request.map(|_| Body::from(body.bytes.clone()));
+    let mut form =
+        Multipart::from_request(request, &()).await.map_err(|error| malformed(error.body_text()))?;
+    let mut frames = Vec::new();
+    while frames.len() < max_frames
+        && let Some(field) = form.next_field().await.map_err(|error| malformed(error.body_text()))?
+    {
+        if field.name() != Some(FIELD) {
+            let name = field.name().unwrap_or_default();
+            return Err(malformed(format!("it has a field {name:?}; the field of a frame is `frame`")));
+        }
+        let bytes = field.bytes().await.map_err(|error| malformed(error.body_text()))?;
+        frames.push(body.part(bytes));
+    }
+    Ok(frames)
+}
+
+fn only(mut frames: Vec<Frame>) -> Result<Frame, BodyError> {
+    match (frames.pop(), frames.is_empty()) {
+        (None, _) => Err(BodyError::Malformed("the form has no field `frame`".into())),
+        (Some(frame), true) => Ok(frame),
+        (Some(_), false) => {
+            Err(BodyError::Malformed("the form has several frames; send them to /v1/recognize/batch".into()))
+        }
+    }
+}
+
+fn json_frame(body: &[u8]) -> Result<Bytes, BodyError> {
+    let Object::<FrameJson>(json) = from_json(body)?;
+    let bytes = base64_text::decode(&json.frame)
+        .map_err(|error| BodyError::Malformed(format!("`frame` is not base64: {error}")))?;
+    if bytes.is_empty() { Err(BodyError::Empty) } else { Ok(bytes.into()) }
+}
+
+fn from_json<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, BodyError> {
+    serde_json::from_slice(body)
+        .map_err(|error| BodyError::Malformed(format!("the JSON cannot be read: {error}")))
+}

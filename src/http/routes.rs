@@ -1,0 +1,114 @@
+//! The paths of the API, grouped by who may call them.
+
+mod events;
+mod health;
+mod metrics;
+mod models;
+mod oip;
+mod recognize;
+mod robots;
+mod session;
+mod stream;
+mod upload;
+
+use super::asyncapi::stream_document;
+use super::openapi::{Description, accept_sessions};
+use super::{App, auth, cors, observe};
+use axum::extract::DefaultBodyLimit;
+use axum::middleware::from_fn_with_state;
+use axum::response::Redirect;
+use axum::routing::get;
+use axum::{Json, Router};
+use std::sync::Arc;
+use tower_http::catch_panic::CatchPanicLayer;
+use utoipa::OpenApi;
+use utoipa_axum::router::OpenApiRouter;
+use utoipa_axum::routes;
+use utoipa_swagger_ui::{self as swagger_ui, SwaggerUi};
+
+/// Everything the service answers. Pure: it listens nowhere.
+pub fn router(app: App) -> Router {
+    let (api, mut document) = described()
+        .merge(of_robots().route_layer(from_fn_with_state(app.clone(), auth::robots)))
+        .merge(of_viewers().route_layer(from_fn_with_state(app.clone(), auth::viewers)))
+        .merge(of_holders().route_layer(from_fn_with_state(app.clone(), auth::holders)))
+        .merge(of_admins().route_layer(from_fn_with_state(app.clone(), auth::admins)))
+        .merge(of_anyone())
+        .split_for_parts();
+    accept_sessions(&mut document);
+    // Addresses are relative, so that all of it works under a prefix that a proxy takes away.
+    let documentation = SwaggerUi::new("/docs").config(swagger_ui::Config::from("../openapi.json"));
+    let document = Arc::new(document);
+    let api = api
+        .merge(documentation)
+        .route("/openapi.json", get(async move || Json(document)))
+        .route("/asyncapi.json", get(|| async { Json(stream_document()) }))
+        .route("/", get(|| async { Redirect::temporary("docs/") }))
+        // Forms have limits of our own, see `body`.
+        .layer(DefaultBodyLimit::disable())
+        .layer(CatchPanicLayer::custom(observe::panicked));
+    let api = match cors::cors(&app.sites) {
+        Some(cors) => api.layer(cors),
+        None => api,
+    };
+    api.layer(from_fn_with_state(app.clone(), observe::observe)).with_state(app)
+}
+
+/// The OpenAPI document of [`router`].
+pub fn document() -> utoipa::openapi::OpenApi {
+    let routes = described()
+        .merge(of_robots())
+        .merge(of_viewers())
+        .merge(of_holders())
+        .merge(of_admins())
+        .merge(of_anyone());
+    let mut document = routes.into_openapi();
+    accept_sessions(&mut document);
+    document
+}
+
+fn described() -> OpenApiRouter<App> {
+    OpenApiRouter::with_openapi(Description::openapi())
+}
+
+fn of_robots() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(recognize::recognize_one))
+        .routes(routes!(recognize::recognize_batch))
+        .routes(routes!(stream::connect))
+        .merge(oip::robots())
+}
+
+fn of_viewers() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(models::list_models))
+        .routes(routes!(models::show_model))
+        .routes(routes!(models::show_version))
+        .routes(routes!(events::events))
+        .routes(routes!(robots::list_robots))
+        .routes(routes!(robots::show_robot))
+        .routes(routes!(metrics::scrape))
+        .merge(oip::viewers())
+}
+
+fn of_holders() -> OpenApiRouter<App> {
+    OpenApiRouter::new().routes(routes!(session::sign_in, session::sign_out)).merge(oip::holders())
+}
+
+fn of_admins() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(models::upload_version, models::delete_version))
+        .routes(routes!(models::activate))
+        .routes(routes!(models::rollback))
+        .routes(routes!(models::set_default))
+        .routes(routes!(models::set_label, models::remove_label))
+        .merge(oip::admins())
+}
+
+fn of_anyone() -> OpenApiRouter<App> {
+    OpenApiRouter::new()
+        .routes(routes!(health::live))
+        .routes(routes!(health::ready))
+        .routes(routes!(health::show_problem))
+        .merge(oip::anyone())
+}

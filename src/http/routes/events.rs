@@ -1,0 +1,60 @@
+//! `GET /v1/events`: what happens, as it happens.
+
+use crate::access::Key;
+use crate::http::App;
+use crate::http::openapi::ViewerProblems;
+use axum::Extension;
+use axum::extract::State;
+use axum::http::HeaderName;
+use axum::response::IntoResponse;
+use axum::response::sse::{self, KeepAlive, Sse};
+use futures_util::stream;
+use roomsight_protocol::event::Event;
+use std::convert::Infallible;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How often a reader hears something when nothing happens, so that nobody between cuts the line.
+const KEEP_ALIVE: Duration = Duration::from_secs(15);
+/// Tells nginx, and those that learned it from nginx, to pass each event on as it comes.
+const X_ACCEL_BUFFERING: HeaderName = HeaderName::from_static("x-accel-buffering");
+
+/// What happens, as server-sent events
+///
+/// One [`Event`] each, as JSON; the event's name is its `type`. A reader that is slow loses the oldest events
+/// and is told how many by an event `lost`. The stream ends when the service stops or the key is withdrawn.
+#[utoipa::path(
+    get, path = "/v1/events", tag = "dashboards", security(("key" = [])),
+    responses(
+        (status = OK, description = "Events until the caller leaves", body = Event, content_type = "text/event-stream"),
+        ViewerProblems
+    )
+)]
+pub async fn events(State(app): State<App>, key: Option<Extension<Arc<Key>>>) -> impl IntoResponse {
+    let reader = app.engine.events.subscribe();
+    let key = key.map(|Extension(key)| key);
+    let events = stream::unfold((reader, app, key), async |(mut reader, app, key)| {
+        let event = tokio::select! {
+            event = reader.next() => event?,
+            () = app.engine.stopping.cancelled() => return None,
+            () = app.engine.keyring.revoked(key.as_deref(), || None) => return None,
+        };
+        if let Event::Lost { events } = *event {
+            app.engine.metrics.events_lost(events);
+        }
+        Some((Ok::<_, Infallible>(as_sent(&event)), (reader, app, key)))
+    });
+    ([(X_ACCEL_BUFFERING, "no")], Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
+}
+
+fn as_sent(event: &Event) -> sse::Event {
+    let name = match event {
+        Event::Answer(_) => "answer",
+        Event::RobotJoined(_) => "robot_joined",
+        Event::RobotLeft(_) => "robot_left",
+        Event::ModelChanged { .. } => "model_changed",
+        Event::Lost { .. } => "lost",
+    };
+    // Plain values always have a JSON form.
+    sse::Event::default().event(name).data(serde_json::to_string(event).unwrap_or_default())
+}
