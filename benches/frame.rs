@@ -10,10 +10,10 @@ mod lab;
 use criterion::{BenchmarkGroup, Criterion, measurement::WallTime};
 use image::codecs::jpeg::JpegEncoder;
 use roomsight_lab::simulate::CameraKind;
+use roomsight_recognition::classify::svm::{self, Calibration, LinearSvm};
 use roomsight_recognition::model::{
     Config, Extractor, Features, LocalFeatures, Model, Representation, Sample, Scratch, Seen,
 };
-use roomsight_recognition::svm::{self, Calibration, LinearSvm};
 use roomsight_recognition::vocabulary::{Described, Vocabulary};
 use roomsight_vision::camera::{Camera, Mirror, Projection};
 use roomsight_vision::image::{Image, Limits};

@@ -8,7 +8,7 @@
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use roomsight_recognition::memory::{Config, Memory, Origin, Prepared};
+use roomsight_recognition::classify::memory::{Config, Memory, Origin, Prepared};
 use roomsight_vision::matrix::Matrix;
 
 const N_FRAMES: usize = 1600;

@@ -254,7 +254,9 @@ mod tests {
 
     /// Lets a body give way as soon as it is asked.
     fn yielding(held: Held) -> tokio::task::JoinHandle<()> {
-        tokio::spawn(async move { drop(held.gives_way().await) })
+        tokio::spawn(async move {
+            let _gave_way = held.gives_way().await;
+        })
     }
 
     #[tokio::test]

@@ -8,11 +8,12 @@ mod targets;
 use image::{DynamicImage, ImageFormat, Luma, Rgb};
 use rand::{Rng, SeedableRng};
 use roomsight::repository::package;
+use roomsight_recognition::classify::{boost, svm};
 use roomsight_recognition::model::{
     CarriedNetwork, Classifier, Config, Extractor, GoldenFrame, Model, Networks, PatternsConfig,
     Representation, Sample, Scratch,
 };
-use roomsight_recognition::{boost, svm, vocabulary};
+use roomsight_recognition::vocabulary;
 use roomsight_vision::camera::{Camera, Projection};
 use roomsight_vision::image::Image;
 use roomsight_vision::network::Network;

@@ -21,7 +21,7 @@ mod trust;
 pub use transitions::{Step, Transitions, TransitionsError};
 pub use trust::{Trust, TrustError};
 
-use crate::svm::most_probable;
+use crate::classify::svm::most_probable;
 
 /// What a frame says at least for every room, so that no frame rules one out for good.
 const MIN_PROBABILITY: f32 = 1e-6;

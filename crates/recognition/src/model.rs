@@ -7,14 +7,11 @@
 //! robots": detect, describe, count words, classify.
 
 mod add;
-mod arrays;
-mod calibration;
 mod card;
 mod choose;
 mod config;
 mod effort;
-mod features;
-mod flaw;
+mod extractor;
 mod folder;
 mod format;
 mod golden;
@@ -22,57 +19,63 @@ mod held_out;
 mod known;
 mod learned;
 mod left_out;
-mod lens;
-mod logit;
 mod nearest;
-mod networks;
+#[cfg(test)]
+mod network_tests;
 mod novelty;
-mod opinion;
-mod pool;
 mod pose;
-mod sight;
+mod sample;
 mod train;
+mod training;
 mod trial;
 mod trials;
 
-pub use add::{AddError, Forgotten};
-pub use card::{Addition, Card, Measurement};
-pub use choose::{
-    Candidate, Choice, HeldOutAnswers, LeftOut, Preferred, Tally, all_opinions, answer_held_out,
-    train_preferred,
-};
-pub use config::{BAG, CalibrationConfig, Config, PATTERNS, Sigmoids};
-pub use effort::{Effort, Means};
-pub use features::{Extractor, Features, Scratch};
-pub use flaw::Flaw;
-pub use folder::{
-    ABOUT_FILE, LoadError, LoadedModel, MAX_MODEL_BYTES, MAX_SIDE_FILE_BYTES, MODEL_FILE, SaveError,
-    VerifiedFile, move_into_place, networks_in, networks_of, write_about,
-};
-pub use format::{FORMAT_VERSION, FormatError};
-pub use golden::{GOLDEN_FOLDER, GoldenFrame};
-pub use lens::{DEFAULT_NETWORK, Lens};
-pub use nearest::NearFrame;
-pub use networks::{
+pub use crate::file::disk::{LoadError, MAX_SIDE_FILE_BYTES, MODEL_FILE};
+pub use crate::file::error::{FORMAT_VERSION, FormatError};
+pub use crate::file::names::{BAG, PATTERNS};
+pub use crate::file::networks::{
     CarriedNetwork, Digest, MAX_NETWORK_BYTES, NETWORKS_FOLDER, NetworkEntry, NetworkStore, Networks,
 };
-pub use opinion::{
+pub use crate::look::features::Features;
+pub use crate::look::flaw::Flaw;
+pub use crate::look::lens::{DEFAULT_NETWORK, Lens};
+pub use crate::look::local::LocalFeatures;
+pub use crate::look::sight::{Seen, Sight};
+pub use crate::opinions::calibration::{CalibrationConfig, Sigmoids};
+pub use crate::opinions::error::{AddError, TrainError};
+pub use crate::opinions::{
     Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
     Size, Tries, VectorConfig,
 };
+pub use add::Forgotten;
+pub use card::{Addition, Card, Choice, Measurement, Tally};
+pub use choose::{
+    Candidate, HeldOutAnswers, LeftOut, Preferred, all_opinions, answer_held_out, train_preferred,
+};
+pub use config::Config;
+pub use effort::{Effort, Means};
+pub use extractor::{Extractor, Scratch};
+pub use folder::{
+    ABOUT_FILE, LoadedModel, MAX_MODEL_BYTES, SaveError, VerifiedFile, move_into_place, networks_in,
+    networks_of, write_about,
+};
+pub use golden::{GOLDEN_FOLDER, GoldenFrame};
+pub use nearest::NearFrame;
 pub use pose::{Pose, PoseEstimate};
-pub use sight::{LocalFeatures, Seen, Sight};
-pub use train::{ELSEWHERE, HeldOut, Sample, TrainError, Training, TrainingStep};
+pub use sample::{ELSEWHERE, Sample};
+pub use training::{HeldOut, Training, TrainingStep};
 pub use trial::{Stage, TrialError, TriedModel, try_model};
 pub use trials::{Trials, Unit};
 
+use crate::classify::svm::most_probable;
+use crate::file::networks;
 use crate::filter::{Observation, RoomFilter, Transitions};
-use crate::svm::most_probable;
+use crate::opinions::pool;
+use crate::opinions::{Clue, Likeness, Opinion, Said};
 use held_out::HeldOutFrames;
 use known::Known;
 use learned::LearnedFrames;
 use novelty::Novelty;
-use opinion::{Clue, Likeness, Opinion, Said};
 use roomsight_vision::camera::Camera;
 use roomsight_vision::image::{Image, ImageError, Limits};
 use roomsight_vision::network::NetworkError;

@@ -334,8 +334,8 @@ fn is_other_variant(old: &toml::Table, new: &toml::Table) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use roomsight_recognition::classify::svm::InnerKernel;
     use roomsight_recognition::model::{Classifier, Representation};
-    use roomsight_recognition::svm::InnerKernel;
     use roomsight_recognition::vocabulary::Normalization;
     use roomsight_vision::describe::Descriptor;
     use roomsight_vision::detect::{Detector, Fast, FastThreshold};

@@ -4,8 +4,8 @@ mod lu;
 mod ullah;
 
 use super::{Drives, Experiment, ExperimentError};
+use roomsight_recognition::classify::svm::Scheme;
 use roomsight_recognition::model::{Config, MachinesConfig, Sigmoids};
-use roomsight_recognition::svm::Scheme;
 use serde::Serialize;
 use std::collections::BTreeSet;
 

@@ -12,88 +12,22 @@
 //! held-out folds, they are the values of opinions that had learned less, so the new model is rather better
 //! than they say.
 
-use super::held_out::{Decided, Fusion, HeldOutFrames};
-use super::known::Known;
-use super::learned::LearnedFrames;
-use super::opinion::{Added, Left, Opinion};
-use super::sight::Seen;
-use super::{
-    Addition, Card, Classification, HeldOut, Model, Recognition, Sample, TrainError, Training, TrainingStep,
-};
+use super::Classification;
 use crate::filter::Transitions;
-use crate::svm::SvmError;
+use crate::look::sight::Seen;
+use crate::model::card::{Addition, Card};
+use crate::model::held_out::{Decided, Fusion, HeldOutFrames};
+use crate::model::known::Known;
+use crate::model::learned::LearnedFrames;
+use crate::model::sample::Sample;
+use crate::model::training::{HeldOut, Training, TrainingStep};
+use crate::model::{Model, Recognition};
+use crate::opinions::error::AddError;
+use crate::opinions::error::TrainError;
+use crate::opinions::{Added, Left, Opinion};
 use rayon::prelude::*;
 use std::collections::BTreeSet;
 use std::sync::Arc;
-
-/// Why nothing was added to a model, or forgotten by it.
-#[derive(Debug, thiserror::Error)]
-pub enum AddError {
-    /// A classifier without anything to go on from.
-    #[error(
-        "a model with the classifier {classifier} does not keep what training needs to go on: train one with \
-         classifier.kind = linear_svm or kernel_svm, or by default"
-    )]
-    Classifier {
-        /// Its name in a configuration.
-        classifier: &'static str,
-    },
-    /// A classifier that does not know which frames it learned from.
-    #[error(
-        "a model with the classifier {classifier} does not know what came from which frame, so it cannot forget one: \
-         train one with classifier.kind = linear_svm, or by default"
-    )]
-    Unforgettable {
-        /// Its name in a configuration.
-        classifier: &'static str,
-    },
-    /// A model file of an earlier version.
-    #[error(
-        "the version of roomsight that trained this model did not keep what training needs to go on: train \
-         it again"
-    )]
-    NothingKept,
-    /// Frames that the model knows say nothing of how well it does.
-    #[error(
-        "the model has learned the sequence {sequence} before, so it cannot be answered as new: leave it out, \
-         or give new frames another name"
-    )]
-    KnownSequence {
-        /// Its name.
-        sequence: String,
-    },
-    /// Every support vector of a room was dropped.
-    #[error("the model has forgotten {place}: add frames of it, or forget less")]
-    ForgottenPlace {
-        /// The room.
-        place: String,
-    },
-    /// A class that has no frame left, before its name is known.
-    #[error("the model has forgotten a room: add frames of it, or forget less")]
-    ForgottenClass {
-        /// Its number.
-        class_idx: usize,
-    },
-    /// What is to be forgotten was never learned.
-    #[error("the model has learned no {what} called {name}: {learned}")]
-    NeverLearned {
-        /// A drive or a room.
-        what: &'static str,
-        /// As it was called.
-        name: String,
-        /// What there is.
-        learned: String,
-    },
-    /// What would be left is no model.
-    #[error("without it the model would know {0} rooms only: it needs two")]
-    TooFewLeft(usize),
-    /// No calibration.
-    #[error(transparent)]
-    Train(#[from] TrainError),
-    /// No support vector machine.
-    #[error(transparent)]
-    Svm(#[from] SvmError),
-}
 
 /// What a model is to forget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -110,7 +44,7 @@ impl Model {
     ///
     /// `forget`, from 0 to below 1, is the trade between accuracy and memory of kernel machines: support vectors are
     /// dropped of which the others make up all but this share. At 0 nothing is lost. See
-    /// [`crate::svm::IncrementalSvm::reduced`].
+    /// [`crate::classify::svm::IncrementalSvm::reduced`].
     ///
     /// The held-out answers are those to each sequence before it was learned; frames of rooms that were new
     /// then, or in which nothing was seen, have none. The card says what was added. `progress` is called before each

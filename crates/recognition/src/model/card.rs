@@ -1,6 +1,5 @@
 //! What a person would ask about a model.
 
-use super::Choice;
 use serde::{Deserialize, Serialize};
 
 /// What a model was trained on and how well it did. Part of the model file.
@@ -51,4 +50,33 @@ pub struct Measurement {
     pub n_frames: usize,
     /// The share answered with the right room, 0 to 1.
     pub rate: f64,
+}
+
+/// How a candidate did on held-out frames.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Tally {
+    /// What people call it.
+    pub name: String,
+    /// The opinions it has.
+    pub opinions: Vec<String>,
+    /// Frames answered with the right room.
+    pub n_right: usize,
+    /// Frames answered.
+    pub n_frames: usize,
+}
+
+/// What was chosen, and why.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Choice {
+    /// The index of the chosen one.
+    pub chosen: usize,
+    /// How all candidates did, in the order of preference.
+    pub tallies: Vec<Tally>,
+}
+
+impl Choice {
+    /// The chosen one.
+    pub fn tally(&self) -> &Tally {
+        &self.tallies[self.chosen]
+    }
 }

@@ -1,9 +1,14 @@
 //! Which opinions a model has, chosen by held-out frames among a few candidates.
 
-use super::held_out::TELLABLE;
-use super::{Config, HeldOut, Sample, TrainError, Training, TrainingStep, Trials, Unit};
+use crate::model::card::Choice;
+use crate::model::card::Tally;
+use crate::model::config::Config;
+use crate::model::held_out::TELLABLE;
+use crate::model::sample::Sample;
+use crate::model::training::{HeldOut, Training, TrainingStep};
+use crate::model::trials::{Trials, Unit};
+use crate::opinions::error::TrainError;
 use roomsight_vision::camera::Camera;
-use serde::{Deserialize, Serialize};
 
 /// A configuration that may be chosen.
 #[derive(Clone, Debug, PartialEq)]
@@ -12,35 +17,6 @@ pub struct Candidate {
     pub name: String,
     /// What it would train.
     pub config: Config,
-}
-
-/// How a candidate did on held-out frames.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Tally {
-    /// What people call it.
-    pub name: String,
-    /// The opinions it has.
-    pub opinions: Vec<String>,
-    /// Frames answered with the right room.
-    pub n_right: usize,
-    /// Frames answered.
-    pub n_frames: usize,
-}
-
-/// What was chosen, and why.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Choice {
-    /// The index of the chosen one.
-    pub chosen: usize,
-    /// How all candidates did, in the order of preference.
-    pub tallies: Vec<Tally>,
-}
-
-impl Choice {
-    /// The chosen one.
-    pub fn tally(&self) -> &Tally {
-        &self.tallies[self.chosen]
-    }
 }
 
 /// All opinions of some candidates together: what is tried to choose among them. `None` without candidates.

@@ -1,21 +1,20 @@
 //! What to train: every parameter of a model.
 
-use super::opinion::{MachinesConfig, OpinionConfig, PatternsConfig, Representation};
-use super::sight::Sight;
-use super::{Classifier, Networks};
+use crate::file::names::BAG;
+use crate::file::names::PATTERNS;
+use crate::file::networks::Networks;
+use crate::look::sight::Sight;
+use crate::opinions::Classifier;
+use crate::opinions::OpinionConfig;
+use crate::opinions::PatternsConfig;
+use crate::opinions::calibration::CalibrationConfig;
+use crate::opinions::{MachinesConfig, Representation};
 use roomsight_vision::describe::Descriptor;
 use roomsight_vision::detect::Detector;
 use roomsight_vision::network::NetworkError;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-
-/// The name of the opinion that parameters are of which name none: `classifier.c` is short for
-/// `opinions.bag.classifier.c`.
-pub const BAG: &str = "bag";
-
-/// The name of the opinion that files of before call the cue.
-pub const PATTERNS: &str = "patterns";
 
 /// The longest name of an opinion, in bytes.
 const MAX_NAME_LENGTH: usize = 32;
@@ -135,39 +134,9 @@ impl TryFrom<Written> for Config {
     }
 }
 
-/// How decision values become probabilities.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct CalibrationConfig {
-    /// Training frames are dealt into this many folds, whole sequences where there are several; each fold
-    /// is answered by a model that was trained without it. At least 2.
-    pub n_folds: usize,
-    /// Whether each machine has its own sigmoid.
-    pub sigmoids: Sigmoids,
-    /// How often known answers are to be right, from 0 to 1: thresholds of probability and novelty are chosen so that
-    /// held-out answers keep it, even where one frame in twenty shows a place that was never trained.
-    pub known_precision: f32,
-}
-
-/// The sigmoids that turn decision values of machines into probabilities.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Sigmoids {
-    /// One a machine, as in LIBSVM. Needs held-out frames that are like those to come.
-    PerMachine,
-    /// The same for all machines: held-out frames decide how sure the answers are, but not which they are.
-    Shared,
-}
-
 impl Default for Config {
     fn default() -> Self {
         Self::of_machines(MachinesConfig::default())
-    }
-}
-
-impl Default for CalibrationConfig {
-    fn default() -> Self {
-        Self { n_folds: 5, sigmoids: Sigmoids::Shared, known_precision: 0.95 }
     }
 }
 
@@ -294,7 +263,7 @@ impl Config {
     }
 
     /// The weights of all opinions, in their order, where all are given.
-    pub(super) fn given_weights(&self) -> Option<Vec<f64>> {
+    pub(crate) fn given_weights(&self) -> Option<Vec<f64>> {
         match self.opinions.len() {
             1 => Some(vec![1.0]),
             _ => self.opinions.keys().map(|name| self.weights.get(name).copied()).collect(),
@@ -302,7 +271,7 @@ impl Config {
     }
 
     /// How much each opinion counts where nothing is known of how well they do, in their order.
-    pub(super) fn prior_weights(&self) -> Vec<f64> {
+    pub(crate) fn prior_weights(&self) -> Vec<f64> {
         self.opinions.values().map(OpinionConfig::prior_weight).collect()
     }
 }

@@ -1,13 +1,17 @@
 //! What `train` chooses among where nothing is asked for.
 
-use super::lens::Lens;
-use super::opinion::{
-    Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
-    VectorConfig,
-};
-use super::{BAG, Candidate, Config, PATTERNS};
-use crate::svm;
-use crate::vocabulary::{self, Pooling};
+use crate::classify::svm;
+use crate::file::names::{BAG, PATTERNS};
+use crate::look::lens::Lens;
+use crate::model::choose::Candidate;
+use crate::model::config::Config;
+use crate::opinions::OpinionConfig;
+use crate::opinions::PatternsConfig;
+use crate::opinions::VectorConfig;
+use crate::opinions::{Classifier, MachinesConfig, Representation};
+use crate::opinions::{MemoryConfig, Remembered};
+use crate::vocabulary;
+use crate::vocabulary::Pooling;
 use roomsight_vision::camera::CameraKind;
 use roomsight_vision::describe::{CsLbp, Descriptor, Region, SiftDescriptor};
 use roomsight_vision::detect::{Dense, Detector, Sift};
@@ -154,7 +158,7 @@ fn bag(descriptor: Descriptor) -> Named {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::all_opinions;
+    use crate::model::choose::all_opinions;
 
     #[test]
     fn candidates_are_parts_of_one_configuration_that_makes_sense() {

@@ -11,29 +11,34 @@
 //! `model.json` whose list is not that of the model file. A repository keeps these folders whole, and networks that
 //! several versions have once; see `crate::repository`.
 
-use super::format::{FORMAT_VERSION, FormatError, Metadata};
-use super::golden::{GOLDEN_FOLDER, GoldenFrame, write_golden};
-use super::networks::{self, NetworkEntry, NetworkStore, write_networks};
-use super::{Card, Config, Model};
+use crate::file::disk::LoadError;
+use crate::file::disk::MAX_SIDE_FILE_BYTES;
+use crate::file::disk::MODEL_FILE;
+use crate::file::disk::read_bounded;
+use crate::file::disk::refused;
+use crate::file::disk::write_new;
+use crate::file::error::{FORMAT_VERSION, FormatError};
+use crate::file::networks;
+use crate::file::networks::{NetworkEntry, NetworkStore, write_networks};
+use crate::model::Model;
+use crate::model::card::Card;
+use crate::model::config::Config;
+use crate::model::format::Metadata;
+use crate::model::golden::{GOLDEN_FOLDER, GoldenFrame, write_golden};
 use roomsight_vision::camera::Projection;
 use roomsight_vision::network::NetworkError;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
-use std::io::{self, Read, Write};
+use std::io;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-/// The model itself.
-pub const MODEL_FILE: &str = "model.safetensors";
 /// What people and tools read about it.
 pub const ABOUT_FILE: &str = "model.json";
 
 /// The longest model file that is read.
 pub const MAX_MODEL_BYTES: u64 = 1 << 30;
-
-/// The longest `model.json`, `golden.json` or golden frame that is read.
-pub const MAX_SIDE_FILE_BYTES: u64 = 32 << 20;
 
 /// A model as it was loaded.
 #[derive(Debug)]
@@ -50,18 +55,6 @@ pub struct VerifiedFile {
     bytes: Vec<u8>,
     digest: String,
     networks: Vec<NetworkEntry>,
-}
-
-/// Why a model was not loaded; the text says what is wrong.
-#[derive(Debug, thiserror::Error)]
-#[error("{path}: {reason}", path = path.display())]
-pub struct LoadError {
-    /// The file.
-    pub path: PathBuf,
-    /// What is wrong with it.
-    pub reason: String,
-    /// The file is good, and ONNX Runtime is missing: it may be there at the next try.
-    pub may_pass: bool,
 }
 
 /// Why a model was not saved.
@@ -244,10 +237,6 @@ fn parent_of(path: &Path) -> &Path {
     path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."))
 }
 
-pub(super) fn write_new(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    File::create_new(path)?.write_all(bytes)
-}
-
 /// Waits until a folder and all in it are on the disk.
 fn sync_all(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
@@ -272,17 +261,5 @@ fn make_readable(folder: &Path) -> io::Result<()> {
     Ok(())
 }
 
-pub(super) fn read_bounded(path: &Path, max_bytes: u64) -> Result<Vec<u8>, LoadError> {
-    let file = File::open(path).map_err(|error| refused(path, error.to_string()))?;
-    let n_bytes = file.metadata().map_err(|error| refused(path, error.to_string()))?.len();
-    if n_bytes > max_bytes {
-        return Err(refused(path, format!("{n_bytes} bytes are too many; the limit is {max_bytes}")));
-    }
-    let mut bytes = Vec::with_capacity(n_bytes as usize);
-    file.take(max_bytes).read_to_end(&mut bytes).map_err(|error| refused(path, error.to_string()))?;
-    Ok(bytes)
-}
-
-pub(super) fn refused(path: &Path, reason: impl Into<String>) -> LoadError {
-    LoadError { path: path.to_owned(), reason: reason.into(), may_pass: false }
-}
+#[cfg(test)]
+mod tests;

@@ -33,25 +33,29 @@
 //! Files of format version 1 have one opinion on local features, whose arrays are named without it, and perhaps a
 //! cue, whose arrays are `cue.weights`, `cue.rho`, `cue.n_support_vectors`, `cue.slopes` and `cue.offsets`.
 
-use super::arrays::{self, Array, Arrays, require};
-use super::calibration::Calibration;
-use super::held_out::{HELD_OUT, HeldOutFrames, LEFT_OUT};
-use super::known::Known;
-use super::learned::LearnedFrames;
-use super::networks::{self, NetworkEntry, Networks};
-use super::novelty::Novelty;
-use super::opinion::{Opinion, Shape};
-use super::{Card, Classification, Config, Extractor, Model};
+use super::Classification;
+use crate::file::arrays;
+use crate::file::arrays::{Array, Arrays, require};
+use crate::file::error::FORMAT_VERSION;
+use crate::file::error::FormatError;
+use crate::file::networks;
+use crate::file::networks::{NetworkEntry, Networks};
 use crate::filter::Transitions;
+use crate::model::Model;
+use crate::model::card::Card;
+use crate::model::config::Config;
+use crate::model::extractor::Extractor;
+use crate::model::held_out::{HELD_OUT, HeldOutFrames, LEFT_OUT};
+use crate::model::known::Known;
+use crate::model::learned::LearnedFrames;
+use crate::model::novelty::Novelty;
+use crate::opinions::calibration::Calibration;
+use crate::opinions::{Opinion, Shape};
 use roomsight_vision::camera::{Camera, Mask, Projection};
-use roomsight_vision::network::NetworkError;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-
-/// The version of the file's layout that is written.
-pub const FORMAT_VERSION: u32 = 2;
 
 /// The first version, which is read as well. Files of others are refused.
 const FIRST_VERSION: u32 = 1;
@@ -61,37 +65,9 @@ const MAX_HEADER_BYTES: u64 = 16 << 20;
 
 const METADATA_KEY: &str = "roomsight";
 
-/// Why bytes are no model; the text says what is wrong.
-#[derive(Debug, thiserror::Error)]
-pub enum FormatError {
-    /// Not a safetensors file, or damaged.
-    #[error("not a roomsight model, or damaged: {0}")]
-    NotAModel(String),
-    /// A model of another layout.
-    #[error(
-        "the model has format version {found}; this program reads versions up to {FORMAT_VERSION}: \
-         train it again or use another version of roomsight"
-    )]
-    OtherVersion {
-        /// The version it has.
-        found: u32,
-    },
-    /// A model whose parts do not fit.
-    #[error("the model is damaged: {0}")]
-    Damaged(String),
-    /// A model that is given other networks than it was trained with, or none.
-    #[error(
-        "the model file and model.json name different networks: send the model's whole folder as `train` writes it"
-    )]
-    OtherNetworks,
-    /// A network that it looks through cannot be used here.
-    #[error(transparent)]
-    Network(#[from] NetworkError),
-}
-
 /// All that is not an array.
 #[derive(Serialize, Deserialize)]
-pub(super) struct Metadata {
+pub(crate) struct Metadata {
     format_version: u32,
     pub places: Vec<String>,
     pub camera: Projection,
@@ -145,7 +121,7 @@ impl Model {
         arrays::serialize(&arrays, (METADATA_KEY, metadata))
     }
 
-    pub(super) fn metadata(&self) -> Metadata {
+    pub(crate) fn metadata(&self) -> Metadata {
         Metadata {
             format_version: FORMAT_VERSION,
             places: self.places.clone(),

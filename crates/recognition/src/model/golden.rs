@@ -1,8 +1,9 @@
 //! The golden frames of a model: a few frames and, in `golden.json`, the answers that it gave when it was saved.
 //! Whoever loads it can tell that it still answers the same.
 
-use super::folder::{LoadError, MAX_SIDE_FILE_BYTES, MODEL_FILE, read_bounded, refused, write_new};
-use super::{Model, Recognition, Scratch};
+use crate::file::disk::{LoadError, MAX_SIDE_FILE_BYTES, MODEL_FILE, read_bounded, refused, write_new};
+use crate::model::extractor::Scratch;
+use crate::model::{Model, Recognition};
 use roomsight_vision::image::Limits;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -40,7 +41,7 @@ struct GoldenAnswer {
 }
 
 /// The golden frames of a model folder; none when it has none.
-pub(super) fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, LoadError> {
+pub(crate) fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, LoadError> {
     let folder = folder.join(GOLDEN_FOLDER);
     let list_path = folder.join(GOLDEN_FILE);
     if !list_path.exists() {
@@ -62,7 +63,7 @@ pub(super) fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, Load
 
 /// Sends frames through decoding and recognition before a robot does: the golden ones, which must be answered
 /// as when the model was saved, or else a drawn one.
-pub(super) fn warm(model: &Model, folder: &Path, golden_frames: &[GoldenFrame]) -> Result<(), LoadError> {
+pub(crate) fn warm(model: &Model, folder: &Path, golden_frames: &[GoldenFrame]) -> Result<(), LoadError> {
     if golden_frames.is_empty() {
         let path = folder.join(MODEL_FILE);
         let answer = answer_of(model, &drawn_frame()).map_err(|reason| refused(&path, reason))?;
@@ -99,7 +100,7 @@ fn answer_of(model: &Model, bytes: &[u8]) -> Result<Recognition, String> {
     Ok(model.recognize(&image, &mut Scratch::default()))
 }
 
-pub(super) fn write_golden(folder: &Path, frames: &[GoldenFrame]) -> io::Result<()> {
+pub(crate) fn write_golden(folder: &Path, frames: &[GoldenFrame]) -> io::Result<()> {
     fs::create_dir(folder)?;
     for frame in frames {
         write_new(&folder.join(&frame.name), &frame.bytes)?;

@@ -1,14 +1,18 @@
 //! How frames were decided by opinions that were not trained on them: what probabilities and weights rest on.
 
-use super::arrays::{Array, Arrays, require};
-use super::calibration::{Calibration, HeldOutValues, Way};
-use super::format::FormatError;
-use super::known::Outcome;
-use super::novelty::{self, Signs};
-use super::opinion::{OpinionConfig, Said};
-use super::pool::{self, Judged};
-use super::{Config, TrainError};
-use crate::svm::{Scheme, most_probable};
+use crate::classify::svm::Scheme;
+use crate::classify::svm::most_probable;
+use crate::file::arrays::{Array, Arrays, require};
+use crate::file::error::FormatError;
+use crate::model::config::Config;
+use crate::model::known::Outcome;
+use crate::model::novelty;
+use crate::model::novelty::Signs;
+use crate::opinions::calibration::{Calibration, HeldOutValues, Way};
+use crate::opinions::error::TrainError;
+use crate::opinions::pool;
+use crate::opinions::pool::Judged;
+use crate::opinions::{OpinionConfig, Said};
 use roomsight_vision::matrix::Matrix;
 
 /// The most frames that a model file keeps: a few hundred KiB an opinion for a dozen rooms.
@@ -16,30 +20,30 @@ const MAX_KEPT: usize = 4096;
 
 /// What opinions that were trained without a frame say of it.
 #[derive(Clone, Debug)]
-pub(super) struct Decided {
+pub(crate) struct Decided {
     /// The room that it shows.
-    pub(super) label: usize,
+    pub(crate) label: usize,
     /// By each opinion that saw something; at least one did.
-    pub(super) said: Vec<Option<Said>>,
+    pub(crate) said: Vec<Option<Said>>,
 }
 
 /// How opinions are calibrated and weighed.
 #[derive(Clone, Debug)]
-pub(super) struct Fusion {
-    pub(super) calibrations: Vec<Calibration>,
-    pub(super) weights: Vec<f64>,
+pub(crate) struct Fusion {
+    pub(crate) calibrations: Vec<Calibration>,
+    pub(crate) weights: Vec<f64>,
     /// See [`pool::fit_doubt`].
-    pub(super) doubt: f64,
+    pub(crate) doubt: f64,
 }
 
 /// Below this share of frames that the best opinion is right on, held-out drives show other parts of the rooms than those that
 /// trained: they say nothing of how much opinions count.
-pub(super) const TELLABLE: f64 = 0.5;
+pub(crate) const TELLABLE: f64 = 0.5;
 
 impl Fusion {
     /// Fits both to the decisions of the opinions of `config`, in its order. An opinion that saw nothing in any frame
     /// is calibrated on those of `otherwise`.
-    pub(super) fn fit(
+    pub(crate) fn fit(
         config: &Config,
         n_places: usize,
         decided: &[&Decided],
@@ -72,7 +76,7 @@ impl Fusion {
     }
 
     /// What is answered to a frame that was decided so.
-    pub(super) fn answer(&self, config: &Config, decided: &Decided, n_places: usize) -> Answer {
+    pub(crate) fn answer(&self, config: &Config, decided: &Decided, n_places: usize) -> Answer {
         let Judged { by_opinion, .. } = judged(decided, &self.calibrations);
         let probabilities = pool::answer(&by_opinion, &self.weights, self.doubt, n_places);
         let signs = novelty::signs_of(config, &decided.said, &by_opinion, &probabilities);
@@ -82,18 +86,18 @@ impl Fusion {
 
 /// What is answered to a held-out frame.
 #[derive(Clone, Debug)]
-pub(super) struct Answer {
+pub(crate) struct Answer {
     /// The room that it shows.
-    pub(super) label: usize,
+    pub(crate) label: usize,
     /// One a room; the same for all where no opinion counts that saw something.
-    pub(super) probabilities: Vec<f32>,
+    pub(crate) probabilities: Vec<f32>,
     /// How familiar it is.
-    pub(super) signs: Signs,
+    pub(crate) signs: Signs,
 }
 
 impl Answer {
     /// Of how much use it is that the answer is told, where the frame is that new.
-    pub(super) fn outcome(&self, novelty: Option<f32>) -> Outcome {
+    pub(crate) fn outcome(&self, novelty: Option<f32>) -> Outcome {
         let place_idx = most_probable(&self.probabilities);
         Outcome {
             probability: self.probabilities[place_idx],
@@ -141,23 +145,23 @@ fn judged(decided: &Decided, calibrations: &[Calibration]) -> Judged {
 
 /// Decisions that a model keeps, to be joined by those on later frames.
 #[derive(Clone, Debug, Default)]
-pub(super) struct HeldOutFrames(Vec<Decided>);
+pub(crate) struct HeldOutFrames(Vec<Decided>);
 
 impl HeldOutFrames {
-    pub(super) fn new(decided: Vec<Decided>) -> Self {
+    pub(crate) fn new(decided: Vec<Decided>) -> Self {
         Self(decided)
     }
 
-    pub(super) fn push(&mut self, decided: Decided) {
+    pub(crate) fn push(&mut self, decided: Decided) {
         self.0.push(decided);
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = &Decided> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Decided> {
         self.0.iter()
     }
 
     /// The same among `n_places` rooms, where room i of before is the room `of_earlier[i]` (ascending).
-    pub(super) fn renumbered(&self, config: &Config, of_earlier: &[usize], n_places: usize) -> Self {
+    pub(crate) fn renumbered(&self, config: &Config, of_earlier: &[usize], n_places: usize) -> Self {
         let ways = || config.opinions.values().map(OpinionConfig::way);
         let renumber = |decided: &Decided| {
             let said = decided.said.iter().zip(ways());
@@ -171,7 +175,7 @@ impl HeldOutFrames {
     }
 
     /// The same among the rooms that are left, given by their numbers before (ascending); without the frames of others.
-    pub(super) fn narrowed(&self, config: &Config, left: &[usize]) -> Self {
+    pub(crate) fn narrowed(&self, config: &Config, left: &[usize]) -> Self {
         let narrow = |decided: &Decided| {
             let label = left.binary_search(&decided.label).ok()?;
             let said = decided.said.iter().zip(config.opinions.values());
@@ -186,7 +190,7 @@ impl HeldOutFrames {
 
     /// At most [`MAX_KEPT`] of the frames. Every other one goes as often as needed, so that all drives are
     /// still heard, earlier ones with fewer frames.
-    pub(super) fn thinned(mut self) -> Self {
+    pub(crate) fn thinned(mut self) -> Self {
         while self.0.len() > MAX_KEPT {
             self.0 = self.0.into_iter().step_by(2).collect();
         }
@@ -194,7 +198,7 @@ impl HeldOutFrames {
     }
 
     /// All of it, what is of an opinion under its name.
-    pub(super) fn to_arrays(&self, names: &Names, config: &Config, n_places: usize) -> Vec<Array> {
+    pub(crate) fn to_arrays(&self, names: &Names, config: &Config, n_places: usize) -> Vec<Array> {
         if self.0.is_empty() {
             return Vec::new();
         }
@@ -220,7 +224,7 @@ impl HeldOutFrames {
     }
 
     /// Frames of unknown origin that fit the rooms, none where the file holds none. `arrays` gives those of an opinion.
-    pub(super) fn from_arrays<'a>(
+    pub(crate) fn from_arrays<'a>(
         names: &Names,
         config: &'a Config,
         n_places: usize,
@@ -264,18 +268,18 @@ impl HeldOutFrames {
 }
 
 /// What the arrays of frames are called.
-pub(super) struct Names {
+pub(crate) struct Names {
     labels: &'static str,
     values: &'static str,
     signs: &'static str,
 }
 
 /// Of frames that the rooms were trained without.
-pub(super) const HELD_OUT: Names =
+pub(crate) const HELD_OUT: Names =
     Names { labels: "held_out.labels", values: "held_out.values", signs: "held_out.signs" };
 
 /// Of frames whose rooms were left out.
-pub(super) const LEFT_OUT: Names =
+pub(crate) const LEFT_OUT: Names =
     Names { labels: "left_out.labels", values: "left_out.values", signs: "left_out.signs" };
 
 /// One row a frame; not-a-number where nothing was seen.
@@ -293,7 +297,7 @@ fn read_rows(rows: &Matrix, n_frames: usize) -> Result<Vec<Option<Said>>, Format
 /// Decision values among the classes `present` (ascending), as they are among all. The machine of a class that
 /// was not trained says a clear no (-1); a machine for a pair with such a class is undecided (0). Where there is a value a
 /// room, it is the least of the others'.
-pub(super) fn spread_out(way: Way, present: &[usize], n_classes: usize, values: &[f32]) -> Vec<f32> {
+pub(crate) fn spread_out(way: Way, present: &[usize], n_classes: usize, values: &[f32]) -> Vec<f32> {
     let trained = |class: usize| present.binary_search(&class).ok();
     let among_all = |absent: f32| {
         (0..n_classes).map(|class| trained(class).map_or(absent, |machine| values[machine])).collect()

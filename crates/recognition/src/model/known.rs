@@ -1,6 +1,6 @@
 //! Which answers a robot may act on: thresholds on probability and novelty that keep a promise.
 
-use super::CalibrationConfig;
+use crate::opinions::calibration::CalibrationConfig;
 
 /// How often a frame shows a place that was never trained, as far as the promise is concerned.
 const SHARE_NEW: f64 = 0.05;
@@ -18,31 +18,31 @@ const NOVELTIES: [f32; 12] = [1.0, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2,
 
 /// An answer to a frame that was held out, or whose room was.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Outcome {
-    pub(super) probability: f32,
+pub(crate) struct Outcome {
+    pub(crate) probability: f32,
     /// From 0 to 1.
-    pub(super) novelty: f32,
+    pub(crate) novelty: f32,
     /// Never where the room was left out.
-    pub(super) is_right: bool,
+    pub(crate) is_right: bool,
 }
 
 /// An answer is known that is at least this probable, to a frame that is at most this new.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Known {
-    pub(super) least_probability: f32,
-    pub(super) most_novelty: f32,
+pub(crate) struct Known {
+    pub(crate) least_probability: f32,
+    pub(crate) most_novelty: f32,
 }
 
 impl Known {
     /// Whether an answer is; a frame of which nothing is known how new it is is not new.
-    pub(super) fn holds(&self, probability: f32, novelty: Option<f32>) -> bool {
+    pub(crate) fn holds(&self, probability: f32, novelty: Option<f32>) -> bool {
         probability >= self.least_probability && novelty.is_none_or(|novelty| novelty <= self.most_novelty)
     }
 
     /// The thresholds under which most right answers are known and most frames of new places are not, of those that keep the
     /// promise of `config`: of the known answers so many are right, where one frame in twenty is of a place that was never
     /// trained. Answers that are equally probable are known together. `None` where nothing keeps it.
-    pub(super) fn choose(
+    pub(crate) fn choose(
         held_out: &[Outcome],
         left_out: &[Outcome],
         config: &CalibrationConfig,

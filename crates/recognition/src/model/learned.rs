@@ -1,15 +1,16 @@
 //! Which frames a model has learned: the rows that opinions keep, and the answers that name a frame, count by them.
 
-use super::arrays::{Array, Arrays, require};
-use super::format::FormatError;
-use super::{Pose, Sample};
+use crate::file::arrays::{Array, Arrays, require};
+use crate::file::error::FormatError;
+use crate::model::pose::Pose;
+use crate::model::sample::Sample;
 use std::collections::BTreeMap;
 
 /// The frames, in the order in which they were learned.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct LearnedFrames {
+pub(crate) struct LearnedFrames {
     /// The room of each.
-    pub(super) labels: Vec<usize>,
+    pub(crate) labels: Vec<usize>,
     /// The drive of each: an index into `drive_names`.
     drives: Vec<usize>,
     drive_names: Vec<String>,
@@ -23,13 +24,13 @@ pub(super) struct LearnedFrames {
 
 impl LearnedFrames {
     /// Of samples whose rooms are known.
-    pub(super) fn new(samples: &[&Sample], labels: &[usize]) -> Self {
+    pub(crate) fn new(samples: &[&Sample], labels: &[usize]) -> Self {
         let mut learned = Self::default();
         learned.extend(samples.iter().copied().zip(labels.iter().copied()));
         learned
     }
 
-    pub(super) fn extend<'a>(&mut self, frames: impl Iterator<Item = (&'a Sample, usize)>) {
+    pub(crate) fn extend<'a>(&mut self, frames: impl Iterator<Item = (&'a Sample, usize)>) {
         let mut drives: BTreeMap<String, usize> = self.drive_names.iter().cloned().zip(0..).collect();
         for (sample, label) in frames {
             let drive = *drives.entry(sample.sequence.clone()).or_insert_with(|| {
@@ -45,40 +46,40 @@ impl LearnedFrames {
         }
     }
 
-    pub(super) fn n_frames(&self) -> usize {
+    pub(crate) fn n_frames(&self) -> usize {
         self.labels.len()
     }
 
     /// What a frame is called.
-    pub(super) fn name(&self, frame_idx: usize) -> Option<&str> {
+    pub(crate) fn name(&self, frame_idx: usize) -> Option<&str> {
         self.names.get(frame_idx).map(String::as_str).filter(|name| !name.is_empty())
     }
 
-    pub(super) fn drive(&self, frame_idx: usize) -> &str {
+    pub(crate) fn drive(&self, frame_idx: usize) -> &str {
         &self.drive_names[self.drives[frame_idx]]
     }
 
     /// Where a frame was taken.
-    pub(super) fn pose(&self, frame_idx: usize) -> Option<Pose> {
+    pub(crate) fn pose(&self, frame_idx: usize) -> Option<Pose> {
         self.poses.get(frame_idx).copied().flatten()
     }
 
     /// What tells the pictures of its frames from others.
-    pub(super) fn pictures(&self) -> impl Iterator<Item = u64> {
+    pub(crate) fn pictures(&self) -> impl Iterator<Item = u64> {
         self.pictures.iter().copied().flatten()
     }
 
-    pub(super) fn has_poses(&self) -> bool {
+    pub(crate) fn has_poses(&self) -> bool {
         self.poses.iter().any(Option::is_some)
     }
 
     /// With the rooms numbered anew.
-    pub(super) fn renumbered(&self, of_earlier: &[usize]) -> Self {
+    pub(crate) fn renumbered(&self, of_earlier: &[usize]) -> Self {
         Self { labels: self.labels.iter().map(|&label| of_earlier[label]).collect(), ..self.clone() }
     }
 
     /// The frames that are left, with their rooms numbered by their order in `left_places` (ascending).
-    pub(super) fn left(&self, is_left: &[bool], left_places: &[usize]) -> Self {
+    pub(crate) fn left(&self, is_left: &[bool], left_places: &[usize]) -> Self {
         let mut left = Self::default();
         let mut drives: BTreeMap<usize, usize> = BTreeMap::new();
         for (frame_idx, _) in is_left.iter().enumerate().filter(|(_, is_left)| **is_left) {
@@ -95,7 +96,7 @@ impl LearnedFrames {
         left
     }
 
-    pub(super) fn to_arrays(&self) -> Vec<Array> {
+    pub(crate) fn to_arrays(&self) -> Vec<Array> {
         if self.labels.is_empty() {
             return Vec::new();
         }
@@ -114,7 +115,7 @@ impl LearnedFrames {
     }
 
     /// Frames of unknown origin that fit so many rooms; none where the file tells of none.
-    pub(super) fn from_arrays(n_places: usize, file: &Arrays) -> Result<Self, FormatError> {
+    pub(crate) fn from_arrays(n_places: usize, file: &Arrays) -> Result<Self, FormatError> {
         if !file.has("frames.rooms") {
             return Ok(Self::default());
         }

@@ -1,9 +1,9 @@
 //! How a model would do at places that were never trained: rooms are left out in turn, from what was described already.
 
-use super::Config;
-use super::held_out::{Answer, Decided, Fusion};
-use super::known::{Known, Outcome};
-use super::novelty::{Novelty, Observed};
+use crate::model::config::Config;
+use crate::model::held_out::{Answer, Decided, Fusion};
+use crate::model::known::{Known, Outcome};
+use crate::model::novelty::{Novelty, Observed};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
@@ -13,39 +13,39 @@ use std::collections::{BTreeMap, BTreeSet};
 const MAX_GROUPS: usize = 5;
 
 /// So many frames of left-out rooms, or of elsewhere, are enough: more of the one would drown the other.
-pub(super) const ENOUGH_FRAMES: usize = 300;
+pub(crate) const ENOUGH_FRAMES: usize = 300;
 
 /// A training without one fold and without some rooms, which decides the frames of the fold: so those of trained rooms and
 /// those of others were decided alike.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Round {
-    pub(super) fold: usize,
+pub(crate) struct Round {
+    pub(crate) fold: usize,
     /// The samples that it trains on.
-    pub(super) training: Vec<usize>,
+    pub(crate) training: Vec<usize>,
     /// The samples that it decides.
-    pub(super) frames: Vec<RoundFrame>,
+    pub(crate) frames: Vec<RoundFrame>,
 }
 
 /// A sample that a round decides.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct RoundFrame {
-    pub(super) sample_idx: usize,
+pub(crate) struct RoundFrame {
+    pub(crate) sample_idx: usize,
     /// Whether its room was left out.
-    pub(super) is_new: bool,
+    pub(crate) is_new: bool,
 }
 
 /// A frame that a round decided.
 #[derive(Clone, Debug)]
-pub(super) struct RoundDecision {
-    pub(super) fold: usize,
-    pub(super) decided: Decided,
+pub(crate) struct RoundDecision {
+    pub(crate) fold: usize,
+    pub(crate) decided: Decided,
     /// Whether its room was left out, or it shows none.
-    pub(super) is_new: bool,
+    pub(crate) is_new: bool,
 }
 
 /// The rounds for samples of these folds and rooms: as few as decide enough frames of left-out rooms and leave out each room once
 /// at least. None where fewer than three rooms leave nothing to tell apart.
-pub(super) fn rounds(folds: &[usize], labels: &[usize], seed: u64) -> Vec<Round> {
+pub(crate) fn rounds(folds: &[usize], labels: &[usize], seed: u64) -> Vec<Round> {
     let n_places = labels.iter().max().map_or(0, |last| last + 1);
     let n_folds = folds.iter().max().map_or(0, |last| last + 1);
     let mut places: Vec<usize> = (0..n_places).collect();
@@ -81,16 +81,16 @@ pub(super) fn rounds(folds: &[usize], labels: &[usize], seed: u64) -> Vec<Round>
 }
 
 /// What tells new places, and which answers are known.
-pub(super) struct Judged {
-    pub(super) novelty: Option<Novelty>,
-    pub(super) known: Option<Known>,
+pub(crate) struct Judged {
+    pub(crate) novelty: Option<Novelty>,
+    pub(crate) known: Option<Known>,
     /// By sample: how new each held-out frame looks to what was fitted without its fold.
-    pub(super) novelties: BTreeMap<usize, f32>,
+    pub(crate) novelties: BTreeMap<usize, f32>,
 }
 
 /// Fits what tells new places to decisions of rounds, and chooses thresholds. `answers` are those to held-out samples, of
 /// these folds.
-pub(super) fn judge(
+pub(crate) fn judge(
     config: &Config,
     fusion: &Fusion,
     answers: &BTreeMap<usize, Answer>,

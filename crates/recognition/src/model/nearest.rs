@@ -1,7 +1,10 @@
 //! Which training frames are most like a frame, and where they were taken.
 
-use super::pose::{Pose, PoseEstimate, Vote};
-use super::{Features, Model, Opinion};
+use crate::look::features::Features;
+use crate::model::Model;
+use crate::model::pose::{Pose, PoseEstimate, Vote};
+use crate::opinions::Near;
+use crate::opinions::Opinion;
 
 /// So many frames of each opinion tell where a frame was taken.
 const N_VOTERS: usize = 10;
@@ -27,16 +30,6 @@ pub struct NearFrame {
     pub pose: Option<Pose>,
     /// Where the keypoints are that found it, as column and row in the frame as it came, in pixels.
     pub points: Vec<[f32; 2]>,
-}
-
-/// A training frame by its number, as an opinion finds it.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Near {
-    /// Its number among the frames that the model has learned.
-    pub(super) frame_idx: usize,
-    pub(super) nearness: f32,
-    /// Columns and rows in what was looked at.
-    pub(super) points: Vec<[f32; 2]>,
 }
 
 impl Model {

@@ -4,12 +4,13 @@
 //! and McCann and Lowe, 2012, use the like to tell rooms apart); here they are weighed by a logistic regression that was fitted on
 //! frames of rooms that were left out of training in turn.
 
-use super::Config;
-use super::arrays::{Array, Arrays, require};
-use super::format::FormatError;
-use super::logit::{self, Case, Prior};
-use super::opinion::{OpinionConfig, Said, Sign};
-use crate::svm::most_probable;
+use crate::classify::svm::most_probable;
+use crate::file::arrays::{Array, Arrays, require};
+use crate::file::error::FormatError;
+use crate::model::config::Config;
+use crate::opinions::logit;
+use crate::opinions::logit::{Case, Prior};
+use crate::opinions::{OpinionConfig, Said, Sign};
 
 /// What the pool of all opinions tells of how familiar a frame is: the probability of the answer, and the share of
 /// opinions that would answer the same.
@@ -36,7 +37,7 @@ const LARGEST: f64 = 1e12;
 
 /// How probable it is that a frame shows a place that was never trained, as if every other frame did.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Novelty {
+pub(crate) struct Novelty {
     /// In the order of [`signs_of`].
     scales: Vec<Scale>,
     /// The logarithm of the odds of a frame whose signs are those of the average frame of trained rooms.
@@ -68,19 +69,19 @@ impl Scale {
 }
 
 /// The signs of a frame: those of each opinion, and those of the pool; none of an opinion that saw nothing.
-pub(super) type Signs = Vec<Option<f64>>;
+pub(crate) type Signs = Vec<Option<f64>>;
 
 /// A frame that was decided by opinions that were not trained on it.
 #[derive(Clone, Debug)]
-pub(super) struct Observed {
-    pub(super) signs: Signs,
+pub(crate) struct Observed {
+    pub(crate) signs: Signs,
     /// Whether its room was left out.
-    pub(super) is_new: bool,
+    pub(crate) is_new: bool,
 }
 
 /// The signs of a frame of which opinions said `said`, each for these rooms, and all together this. Most depend a little on how many
 /// rooms there are; where rooms are left out there are fewer, for frames of trained rooms as for others.
-pub(super) fn signs_of(
+pub(crate) fn signs_of(
     config: &Config,
     said: &[Option<Said>],
     by_opinion: &[Option<Vec<f32>>],
@@ -107,7 +108,7 @@ fn all_signs(config: &Config) -> impl Iterator<Item = Sign> {
 impl Novelty {
     /// Fits what signs count to frames of trained rooms and of others, which count alike however many there are.
     /// `None` without any of trained rooms; without any of others it is the prior.
-    pub(super) fn fit(config: &Config, observed: &[Observed]) -> Option<Self> {
+    pub(crate) fn fit(config: &Config, observed: &[Observed]) -> Option<Self> {
         let known = || observed.iter().filter(|observed| !observed.is_new);
         let n_known = known().count();
         if n_known == 0 {
@@ -158,7 +159,7 @@ impl Novelty {
     }
 
     /// Of a frame, from 0 to 1.
-    pub(super) fn of(&self, signs: &Signs) -> f32 {
+    pub(crate) fn of(&self, signs: &Signs) -> f32 {
         let weighed = self.deviations(signs).zip(&self.scales);
         let familiar: f64 = weighed.filter_map(|(deviation, scale)| Some(deviation? * scale.weight)).sum();
         (1.0 / (1.0 + (familiar - self.offset).exp())) as f32
@@ -170,7 +171,7 @@ impl Novelty {
         self.scales.iter().map(|scale| scale.weight).collect()
     }
 
-    pub(super) fn to_arrays(&self) -> Vec<Array> {
+    pub(crate) fn to_arrays(&self) -> Vec<Array> {
         let of = |part: fn(&Scale) -> f64| self.scales.iter().map(part).collect::<Vec<_>>();
         vec![
             Array::doubles("novelty.means", &of(|scale| scale.mean)),
@@ -181,7 +182,7 @@ impl Novelty {
     }
 
     /// One of unknown origin that fits the configuration; `None` where the file holds none.
-    pub(super) fn from_arrays(config: &Config, file: &Arrays) -> Result<Option<Self>, FormatError> {
+    pub(crate) fn from_arrays(config: &Config, file: &Arrays) -> Result<Option<Self>, FormatError> {
         if !file.has("novelty.offset") {
             return Ok(None);
         }

@@ -36,10 +36,10 @@ pub struct PoseEstimate {
 
 /// A place to vote for, and how much.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Vote {
-    pub(super) pose: Pose,
+pub(crate) struct Vote {
+    pub(crate) pose: Pose,
     /// Not negative.
-    pub(super) weight: f64,
+    pub(crate) weight: f64,
 }
 
 /// Steps to the geometric median.
@@ -52,7 +52,7 @@ impl PoseEstimate {
     /// The weighted geometric median of votes by Weiszfeld's method ("Sur le point pour lequel la somme des distances de n
     /// points donnés est minimum", Tohoku Mathematical Journal 1937), so that single votes for far places count little. The
     /// heading is the mean direction of the votes near it. `None` without weight.
-    pub(super) fn of(votes: &[Vote]) -> Option<Self> {
+    pub(crate) fn of(votes: &[Vote]) -> Option<Self> {
         let weight: f64 = votes.iter().map(|vote| vote.weight).sum();
         if !(weight > 0.0 && weight.is_finite()) {
             return None;

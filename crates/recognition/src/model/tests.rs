@@ -1,14 +1,15 @@
 use super::*;
-use crate::svm::{self, Scheme};
+use crate::classify::svm;
+use crate::classify::svm::Scheme;
+use crate::opinions::calibration::Calibration;
 use crate::vocabulary;
-use calibration::Calibration;
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use roomsight_vision::camera::{CameraKind, Mask, Mirror, Projection};
 
 /// Random frames of three rooms: vertical stripes, horizontal stripes, dots, with noise.
-pub(super) fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
+pub(crate) fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
     let (width, height) = (96, 72);
     let (shift_x, shift_y) = (random.random_range(0..24), random.random_range(0..24));
     let pixels = (0..width * height).map(|idx| {
@@ -23,12 +24,12 @@ pub(super) fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
     Image::from_pixels(width, height, pixels.collect()).unwrap()
 }
 
-pub(super) fn config() -> Config {
+pub(crate) fn config() -> Config {
     let bag = vocabulary::Config { n_words: 40, ..vocabulary::Config::default() };
     Config::default().with_bag(|machines| machines.representation = Representation::Bag(bag))
 }
 
-pub(super) fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample> {
+pub(crate) fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let extractor = Extractor::new(config, Camera::new(Projection::Perspective));
     (0..n_frames)
@@ -81,7 +82,9 @@ fn new_frames_of_known_rooms_are_recognized() {
 
 #[test]
 fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
-    use crate::svm::{InnerKernel, KernelConfig, KernelFunction, MatchConfig};
+    use crate::classify::svm::KernelConfig;
+    use crate::classify::svm::KernelFunction;
+    use crate::classify::svm::{InnerKernel, MatchConfig};
     let kernels = [
         KernelFunction::Rbf { gamma: None },
         KernelFunction::Sigmoid { gamma: None, coef0: 0.1 },
@@ -92,7 +95,7 @@ fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
     let over_kernel = |kernel| Classifier::KernelSvm(KernelConfig { kernel, ..KernelConfig::default() });
     let matches = |inner| Classifier::MatchSvm(MatchConfig { inner, ..MatchConfig::default() });
     let mut classifiers: Vec<Classifier> = kernels.map(over_kernel).into();
-    classifiers.push(Classifier::Boost(crate::boost::Config { n_rounds: 20 }));
+    classifiers.push(Classifier::Boost(crate::classify::boost::Config { n_rounds: 20 }));
     classifiers.push(matches(InnerKernel::Rbf { gamma: 3.0 }));
     classifiers.push(matches(InnerKernel::Correlation { gamma: 1.0 }));
     for classifier in classifiers {
@@ -307,7 +310,8 @@ fn dense(bag: vocabulary::Config) -> Config {
 
 #[test]
 fn what_is_counted_by_parts_of_a_grid_recognizes_explains_and_comes_back_the_same() {
-    use crate::vocabulary::{Encoding, Pooling};
+    use crate::vocabulary::Encoding;
+    use crate::vocabulary::Pooling;
     let counts = vocabulary::Config {
         n_words: 20,
         pooling: Pooling::Pyramid { levels: 2 },

@@ -1,8 +1,9 @@
 //! A model is tried before it serves: its files are verified, it is loaded, and it answers its golden frames.
 
-use super::folder::{LoadError, LoadedModel, VerifiedFile};
-use super::golden::{load_golden_frames, warm};
-use super::networks::NetworkStore;
+use crate::file::disk::LoadError;
+use crate::file::networks::NetworkStore;
+use crate::model::folder::{LoadedModel, VerifiedFile};
+use crate::model::golden::{load_golden_frames, warm};
 use std::fmt;
 use std::path::Path;
 

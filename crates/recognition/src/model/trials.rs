@@ -1,17 +1,21 @@
 //! Opinions tried on held-out frames, and the model that comes of it.
 
-use super::held_out::{Answer, Decided, Fusion, HeldOutFrames, TELLABLE, spread_out};
-use super::known::Known;
-use super::learned::LearnedFrames;
-use super::left_out::{ENOUGH_FRAMES, Judged, Round, RoundDecision, RoundFrame, judge, rounds};
-use super::opinion::{Chosen, Learner, Opinion, OpinionConfig, Said, Trained};
-use super::sight::Seen;
-use super::{
-    Card, Classification, Config, Extractor, HeldOut, Model, Recognition, Sample, TrainError, Training,
-    TrainingStep,
-};
+use super::Classification;
 use crate::filter::Transitions;
 use crate::folds::{folds, spread_single_fold_labels};
+use crate::look::sight::Seen;
+use crate::model::card::Card;
+use crate::model::config::Config;
+use crate::model::extractor::Extractor;
+use crate::model::held_out::{Answer, Decided, Fusion, HeldOutFrames, TELLABLE, spread_out};
+use crate::model::known::Known;
+use crate::model::learned::LearnedFrames;
+use crate::model::left_out::{ENOUGH_FRAMES, Judged, Round, RoundDecision, RoundFrame, judge, rounds};
+use crate::model::sample::Sample;
+use crate::model::training::{HeldOut, Training, TrainingStep};
+use crate::model::{Model, Recognition};
+use crate::opinions::error::TrainError;
+use crate::opinions::{Chosen, Learner, Opinion, OpinionConfig, Said, Trained};
 use rayon::prelude::*;
 use roomsight_vision::camera::Camera;
 use std::collections::{BTreeMap, BTreeSet};
@@ -179,7 +183,7 @@ impl<'a> Trials<'a> {
     }
 
     /// Whether each sample that was given was answered, and with its room.
-    pub(super) fn is_right(&self, held_out: &[HeldOut]) -> Vec<bool> {
+    pub(crate) fn is_right(&self, held_out: &[HeldOut]) -> Vec<bool> {
         let mut is_right = vec![false; self.given.len()];
         for HeldOut { sample_idx, recognition } in held_out {
             is_right[*sample_idx] = self.given[*sample_idx].place == self.places[recognition.place_idx];

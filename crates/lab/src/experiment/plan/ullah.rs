@@ -4,8 +4,8 @@ use super::super::{Drives, Experiment, ExperimentError};
 use super::{Cell, Chart, Occlusion, Plan, Split, Work};
 use crate::dataset::cold::Illumination::{Cloudy, Night, Sunny};
 use crate::dataset::cold::{DrivenPath, SequenceName};
+use roomsight_recognition::classify::svm::{InnerKernel, MatchConfig};
 use roomsight_recognition::model::{BAG, Classifier, Config, MachinesConfig, Representation};
-use roomsight_recognition::svm::{InnerKernel, MatchConfig};
 use roomsight_vision::describe::{Descriptor, SiftDescriptor};
 use roomsight_vision::detect::{Detector, HarrisLaplace};
 

@@ -1,8 +1,13 @@
-use super::super::tests::{config, frame, samples};
 use super::*;
-use crate::boost;
-use crate::model::{Classifier, Config, MemoryConfig, OpinionConfig, PatternsConfig, Scratch};
-use crate::svm::KernelConfig;
+use crate::classify::boost;
+use crate::classify::svm::KernelConfig;
+use crate::model::config::Config;
+use crate::model::extractor::Scratch;
+use crate::model::tests::{config, frame, samples};
+use crate::opinions::Classifier;
+use crate::opinions::MemoryConfig;
+use crate::opinions::OpinionConfig;
+use crate::opinions::PatternsConfig;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use roomsight_vision::camera::{Camera, Projection};

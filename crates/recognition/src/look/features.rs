@@ -1,0 +1,44 @@
+//! What a frame shows, before it is classified.
+
+use crate::look::flaw::Flaw;
+use crate::look::sight::Seen;
+use crate::look::sight::Sight;
+use roomsight_vision::detect::Keypoint;
+use roomsight_vision::matrix::Matrix;
+use std::sync::Arc;
+
+/// What a frame shows, before it is classified.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Features {
+    /// How it was looked at: [`Config::sights`] of the extractor's configuration. A model that looks in fewer of these ways
+    /// can classify it.
+    pub sights: Arc<Vec<Sight>>,
+    /// What each of these saw.
+    pub seen: Vec<Seen>,
+    /// Pixels of the frame as it came for one pixel at working size, at least 1.
+    pub scale: f32,
+    /// Why nothing can be seen in the frame, if so.
+    pub flaw: Option<Flaw>,
+}
+
+impl Features {
+    /// The keypoints of all sights.
+    pub fn keypoints(&self) -> impl Iterator<Item = &Keypoint> {
+        self.seen.iter().filter_map(Seen::local).flat_map(|local| &local.keypoints)
+    }
+
+    /// The descriptors of the first sight that has keypoints, even if it found none; none without such a sight.
+    pub fn descriptors(&self) -> Option<&Matrix> {
+        self.seen.iter().find_map(Seen::local).map(|local| &local.descriptors)
+    }
+
+    /// What one sight sees; `None` where the extractor was not configured to look so.
+    pub fn of(&self, sight: &Sight) -> Option<&Seen> {
+        self.sights.iter().zip(&self.seen).find(|(other, _)| *other == sight).map(|(_, seen)| seen)
+    }
+
+    /// The number of keypoints that were found.
+    pub fn n_keypoints(&self) -> usize {
+        self.keypoints().count()
+    }
+}

@@ -1,0 +1,488 @@
+//! Machines over the local features of a frame: its bag of words, or its descriptors themselves.
+
+mod file;
+
+pub(crate) use file::LinearArrays;
+
+use crate::classify::boost;
+use crate::classify::boost::Boost;
+use crate::classify::svm;
+use crate::classify::svm::DualSvm;
+use crate::classify::svm::IncrementalSvm;
+use crate::classify::svm::KernelFunction;
+use crate::classify::svm::LinearSvm;
+use crate::classify::svm::{InnerKernel, MatchConfig, MatchSvm};
+use crate::classify::svm::{KernelConfig, KernelSvm};
+use crate::classify::svm::{Scheme, SvmError};
+use crate::file::arrays::{Array, Arrays};
+use crate::file::error::FormatError;
+use crate::labeled::LabeledError;
+use crate::look::lens::Lens;
+use crate::look::local::LocalFeatures;
+use crate::look::sight::{Seen, Sight};
+use crate::opinions::calibration::Way;
+use crate::opinions::error::{AddError, TrainError};
+use crate::opinions::kept::KeptRows;
+use crate::opinions::{
+    Added, Chosen, Clue, Left, Likeness, Near, Recognizer, Said, Shape, Sign, Size, Tries,
+};
+use crate::vocabulary;
+use crate::vocabulary::{Described, Vocabulary};
+use rayon::prelude::*;
+use roomsight_vision::describe::Descriptor;
+use roomsight_vision::detect::Detector;
+use roomsight_vision::matrix::Matrix;
+use serde::{Deserialize, Serialize};
+
+/// Which local features, how frames are represented by them, and what tells these apart.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct MachinesConfig {
+    /// How keypoints are found.
+    pub detector: Detector,
+    /// How they are described.
+    pub descriptor: Descriptor,
+    /// What the classifier sees of a frame's descriptors.
+    pub representation: Representation,
+    /// How rooms are told apart by it.
+    pub classifier: Classifier,
+}
+
+/// What a classifier sees of a frame's descriptors.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
+pub enum Representation {
+    /// How often each word of a vocabulary occurs.
+    Bag(vocabulary::Config),
+    /// The descriptors themselves, for classifiers that compare sets of them.
+    // With braces, serde refuses the parameters of a bag beside it.
+    Descriptors {},
+}
+
+impl Default for Representation {
+    fn default() -> Self {
+        Self::Bag(vocabulary::Config::default())
+    }
+}
+
+/// How rooms are told apart.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum Classifier {
+    /// Support vector machines with the linear kernel, over bags.
+    LinearSvm(svm::Config),
+    /// Support vector machines with any kernel, over bags.
+    KernelSvm(KernelConfig),
+    /// Support vector machines with the match kernel, over the descriptors themselves.
+    MatchSvm(MatchConfig),
+    /// AdaBoost on stumps, over bags.
+    Boost(boost::Config),
+}
+
+impl Default for Classifier {
+    fn default() -> Self {
+        Self::LinearSvm(svm::Config::default())
+    }
+}
+
+impl Classifier {
+    /// How its machines are put together.
+    pub fn scheme(&self) -> Scheme {
+        match self {
+            Self::LinearSvm(config) => config.scheme,
+            Self::KernelSvm(config) => config.machines.scheme,
+            Self::MatchSvm(config) => config.machines.scheme,
+            Self::Boost(_) => Scheme::OneVsAll,
+        }
+    }
+
+    fn tries(&self) -> Vec<Tries> {
+        let of = |parameter, values| Tries { parameter, values };
+        match self {
+            Self::LinearSvm(_) => vec![of("classifier.c", &["0.1", "1", "10"])],
+            Self::KernelSvm(KernelConfig {
+                kernel: KernelFunction::Linear | KernelFunction::HistogramIntersection,
+                ..
+            })
+            | Self::MatchSvm(MatchConfig { inner: InnerKernel::Linear, .. }) => {
+                vec![of("classifier.machines.c", &["0.1", "1", "10"])]
+            }
+            Self::KernelSvm(_) => vec![
+                of("classifier.machines.c", &["1", "10"]),
+                of("classifier.kernel.gamma", &["0.5", "2", "8"]),
+            ],
+            Self::MatchSvm(_) => vec![
+                of("classifier.machines.c", &["1", "10"]),
+                of("classifier.inner.gamma", &["2", "4", "8"]),
+            ],
+            Self::Boost(_) => vec![of("classifier.n_rounds", &["50", "200", "800"])],
+        }
+    }
+
+    fn check(&self) -> Result<(), String> {
+        match self {
+            Self::LinearSvm(config) => config.check().map_err(|error| error.to_string()),
+            Self::KernelSvm(config) => config.check().map_err(|error| error.to_string()),
+            Self::MatchSvm(config) => config.check().map_err(|error| error.to_string()),
+            Self::Boost(config) => config.check().map_err(|error| error.to_string()),
+        }
+    }
+}
+
+impl MachinesConfig {
+    pub(crate) fn sight(&self) -> Sight {
+        Sight::Keypoints { detector: self.detector.clone(), descriptor: self.descriptor.clone() }
+    }
+
+    pub(crate) fn lens_mut(&mut self) -> Option<&mut Lens> {
+        None
+    }
+
+    pub(crate) fn check(&self) -> Result<(), String> {
+        self.classifier.check()?;
+        let sees_descriptors = matches!(self.classifier, Classifier::MatchSvm(_));
+        match &self.representation {
+            Representation::Bag(_) if sees_descriptors => {
+                Err("match_svm compares descriptors: set representation.kind to descriptors".to_owned())
+            }
+            Representation::Bag(vocabulary) => vocabulary.check(self.descriptor.n_dimensions()),
+            Representation::Descriptors {} if sees_descriptors => Ok(()),
+            Representation::Descriptors {} => {
+                Err("only match_svm sees descriptors: set representation.kind to bag".to_owned())
+            }
+        }
+    }
+
+    /// Words are drawn.
+    pub(crate) fn is_random(&self) -> bool {
+        matches!(self.representation, Representation::Bag(_))
+    }
+
+    pub(crate) fn tries(&self) -> Vec<Tries> {
+        let mut tries = self.classifier.tries();
+        if let Representation::Bag(_) = self.representation {
+            tries.push(Tries { parameter: "representation.n_words", values: &["300", "1000"] });
+        }
+        tries
+    }
+
+    pub(crate) fn way(&self) -> Way {
+        Way::Sigmoids(self.classifier.scheme())
+    }
+
+    pub(crate) fn prior_weight(&self) -> f64 {
+        0.5
+    }
+
+    pub(crate) fn signs(&self) -> &'static [Sign] {
+        &MACHINE_SIGNS
+    }
+}
+
+/// What decision values of machines tell of how familiar a frame is; see [`signs_of`].
+pub(crate) const MACHINE_SIGNS: [Sign; 2] =
+    [Sign { name: "value", prior_weight: 0.3 }, Sign { name: "gap", prior_weight: 0.3 }];
+
+/// The largest decision value, and how far it is above the second.
+pub(crate) fn signs_of(values: &[f32]) -> [f32; 2] {
+    let (mut first, mut second) = (f32::MIN, f32::MIN);
+    for &value in values {
+        second = second.max(value.min(first));
+        first = first.max(value);
+    }
+    // Two rooms have one machine.
+    if values.len() < 2 { [first.abs(); 2] } else { [first, first - second] }
+}
+
+/// What was trained.
+#[derive(Clone, Debug)]
+pub(crate) struct Machines {
+    config: MachinesConfig,
+    kind: Kind,
+    /// The bags that linear machines were trained on; none of others.
+    kept: KeptRows,
+}
+
+/// A trained classifier, with its vocabulary if it sees bags of words.
+#[derive(Clone, Debug)]
+enum Kind {
+    Linear(Vocabulary, LinearSvm),
+    /// With the class of each support vector, without which training cannot go on; empty where a file does
+    /// not hold it.
+    Kernel(Vocabulary, KernelSvm, Vec<usize>),
+    Boost(Vocabulary, Boost),
+    /// Sees the descriptors themselves.
+    Match(MatchSvm),
+}
+
+impl Recognizer for Machines {
+    type Config = MachinesConfig;
+    /// What is random, and how alike all pairs of frames are, where that is what machines see: the same for all folds.
+    type Prepared = Prepared;
+
+    fn prepare(config: &MachinesConfig, frames: &[&Seen], seed: u64) -> Result<Prepared, TrainError> {
+        let gram = match &config.classifier {
+            Classifier::MatchSvm(config) => {
+                let local = local_of(frames.iter().copied());
+                let descriptors: Vec<&Matrix> = local.iter().map(|local| &local.descriptors).collect();
+                Some(MatchSvm::gram(&descriptors, config)?)
+            }
+            _ => None,
+        };
+        Ok(Prepared { seed, gram })
+    }
+
+    fn train(
+        config: &MachinesConfig,
+        prepared: &Prepared,
+        frames: &[&Seen],
+        chosen: &Chosen,
+    ) -> Result<Self, TrainError> {
+        let local = local_of(chosen.frame_idxs.iter().map(|&idx| frames[idx]));
+        let descriptors: Vec<&Matrix> = local.iter().map(|local| &local.descriptors).collect();
+        let (labels, n_classes) = (chosen.labels, chosen.n_classes);
+        let with = |kind, kept| Ok(Self { config: config.clone(), kind, kept });
+        let Representation::Bag(bag) = &config.representation else {
+            let (Classifier::MatchSvm(config), Some(gram)) = (&config.classifier, &prepared.gram) else {
+                return Err(mismatch());
+            };
+            let gram = among(gram, chosen.frame_idxs);
+            let svm = MatchSvm::train_over((&descriptors, &gram), labels, n_classes, config)?;
+            return with(Kind::Match(svm), KeptRows::default());
+        };
+        let frames: Vec<Described> = local.iter().map(|local| local.described()).collect();
+        let vocabulary = Vocabulary::train(&frames, bag, prepared.seed)?;
+        let rows = bags(&vocabulary, &local);
+        match &config.classifier {
+            Classifier::LinearSvm(config) => {
+                let svm = LinearSvm::train(&rows, labels, n_classes, config)?;
+                with(Kind::Linear(vocabulary, svm), KeptRows::new(&rows))
+            }
+            Classifier::KernelSvm(config) => {
+                let svm = IncrementalSvm::train(&rows, labels, n_classes, config)?;
+                let (svm, support_labels) = svm.into_parts();
+                with(Kind::Kernel(vocabulary, svm, support_labels), KeptRows::default())
+            }
+            Classifier::Boost(config) => {
+                let boost = Boost::train(&rows, labels, n_classes, config)?;
+                with(Kind::Boost(vocabulary, boost), KeptRows::default())
+            }
+            Classifier::MatchSvm(_) => Err(mismatch()),
+        }
+    }
+
+    fn answer(&self, seen: &Seen) -> Option<Said> {
+        let local = seen.local().filter(|local| !local.keypoints.is_empty())?;
+        let values = match &self.kind {
+            Kind::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.row(local.described())),
+            Kind::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.row(local.described())),
+            Kind::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.row(local.described())),
+            Kind::Match(svm) => svm.decision_values(&local.descriptors),
+        };
+        let signs = signs_of(&values).to_vec();
+        Some(Said { values, signs })
+    }
+
+    fn nearest(&self, seen: &Seen, n_frames: usize) -> Vec<Near> {
+        let local = seen.local().filter(|local| !local.keypoints.is_empty());
+        match (&self.kind, local) {
+            (Kind::Linear(vocabulary, _), Some(local)) => {
+                self.kept.nearest(&vocabulary.row(local.described()), n_frames)
+            }
+            _ => Vec::new(),
+        }
+    }
+
+    fn check_addition(&self) -> Result<(), AddError> {
+        match &self.kind {
+            Kind::Linear(..) => self.kept.check(),
+            Kind::Kernel(_, _, support_labels) if support_labels.is_empty() => Err(AddError::NothingKept),
+            Kind::Kernel(..) => Ok(()),
+            Kind::Boost(..) => Err(AddError::Classifier { classifier: "boost" }),
+            Kind::Match(_) => Err(AddError::Classifier { classifier: "match_svm" }),
+        }
+    }
+
+    fn add(&self, added: &Added) -> Result<Self, AddError> {
+        self.check_addition()?;
+        let bags = |vocabulary| bags(vocabulary, &local_of(added.frames.iter().copied()));
+        match (&self.kind, &self.config.classifier) {
+            (Kind::Linear(vocabulary, _), Classifier::LinearSvm(config)) => {
+                let kept = self.kept.with(&bags(vocabulary), added).ok_or(AddError::NothingKept)?;
+                let svm = LinearSvm::train(&kept.rows(), added.labels, added.n_places, config)?;
+                Ok(Self { kind: Kind::Linear(vocabulary.clone(), svm), kept, ..self.clone() })
+            }
+            (Kind::Kernel(vocabulary, svm, support_labels), Classifier::KernelSvm(config)) => {
+                let support_labels = support_labels.iter().map(|&label| added.of_earlier[label]).collect();
+                let before = IncrementalSvm::from_parts(svm.clone(), support_labels, &config.machines)?;
+                let labels = &added.labels[added.labels.len() - added.frames.len()..];
+                let learned = before.updated(&bags(vocabulary), labels, added.n_places);
+                let (svm, support_labels) = learned.map_err(forgotten)?.reduced(added.forget)?.into_parts();
+                let kind = Kind::Kernel(vocabulary.clone(), svm, support_labels);
+                Ok(Self { kind, ..self.clone() })
+            }
+            _ => Err(AddError::NothingKept),
+        }
+    }
+
+    fn without(&self, left: &Left) -> Result<Self, AddError> {
+        match (&self.kind, &self.config.classifier) {
+            (Kind::Linear(vocabulary, _), Classifier::LinearSvm(config)) => {
+                let kept = self.kept.left(left).ok_or(AddError::NothingKept)?;
+                let svm = LinearSvm::train(&kept.rows(), left.labels, left.n_places, config)?;
+                Ok(Self { kind: Kind::Linear(vocabulary.clone(), svm), kept, ..self.clone() })
+            }
+            (Kind::Kernel(..), _) => Err(AddError::Unforgettable { classifier: "kernel_svm" }),
+            (Kind::Boost(..), _) => Err(AddError::Unforgettable { classifier: "boost" }),
+            _ => Err(AddError::Unforgettable { classifier: "match_svm" }),
+        }
+    }
+
+    /// What each keypoint said. With one machine a pair of rooms, the sum over the machines that the room takes part
+    /// in. Only linear machines can be taken apart like this; for others there is nothing.
+    fn clues(&self, seen: &Seen, place_idx: usize) -> Vec<Clue> {
+        let (Kind::Linear(vocabulary, svm), Some(local)) = (&self.kind, seen.local()) else {
+            return Vec::new();
+        };
+        let words = vocabulary.quantize(&local.descriptors);
+        let weights = keypoint_weights((vocabulary, svm), (local, &words), place_idx);
+        let clues = words.iter().zip(&local.keypoints).zip(weights).map(|((&word, keypoint), weight)| Clue {
+            x: keypoint.x,
+            y: keypoint.y,
+            likeness: Likeness::Word(word as usize),
+            weight,
+        });
+        clues.collect()
+    }
+
+    fn to_arrays(&self) -> Vec<Array> {
+        let mut arrays = self.kept.to_arrays();
+        arrays.extend(self.kind.to_arrays());
+        arrays
+    }
+
+    fn from_arrays(config: &MachinesConfig, shape: Shape, arrays: &Arrays) -> Result<Self, FormatError> {
+        let (kind, kept) = Kind::read(config, shape, arrays)?;
+        Ok(Self { config: config.clone(), kind, kept })
+    }
+
+    /// Machines of boosting rest on no training frames.
+    fn size(&self) -> Size {
+        let of_dual = |machines: &DualSvm| {
+            let n_used = |row: &[f32]| row.iter().filter(|&&coefficient| coefficient != 0.0).count();
+            machines.coefficients().rows().map(n_used).collect()
+        };
+        let n_support_vectors = match &self.kind {
+            Kind::Linear(_, svm) => svm.n_support_vectors().to_vec(),
+            Kind::Kernel(_, svm, _) => of_dual(svm.machines()),
+            Kind::Boost(..) => Vec::new(),
+            Kind::Match(svm) => of_dual(svm.machines()),
+        };
+        let n_kept = match &self.kind {
+            Kind::Linear(..) => self.kept.n_rows(),
+            Kind::Kernel(_, svm, _) => svm.support_vectors().n_rows(),
+            Kind::Boost(..) | Kind::Match(_) => 0,
+        };
+        Size { n_words: self.kind.vocabulary().map(Vocabulary::n_words), n_support_vectors, n_kept }
+    }
+}
+
+/// What trainings on parts of the same frames have in common.
+pub(crate) struct Prepared {
+    seed: u64,
+    gram: Option<Matrix>,
+}
+
+#[cfg(test)]
+impl Machines {
+    /// As in files of versions that did not keep the rooms of support vectors.
+    pub(crate) fn forget_support_labels(&mut self) {
+        if let Kind::Kernel(_, _, support_labels) = &mut self.kind {
+            support_labels.clear();
+        }
+    }
+}
+
+impl Kind {
+    /// `None` for machines that see no words.
+    fn vocabulary(&self) -> Option<&Vocabulary> {
+        match self {
+            Self::Linear(vocabulary, _) | Self::Kernel(vocabulary, ..) | Self::Boost(vocabulary, _) => {
+                Some(vocabulary)
+            }
+            Self::Match(_) => None,
+        }
+    }
+}
+
+/// The local features of each frame.
+fn local_of<'a>(frames: impl Iterator<Item = &'a Seen>) -> Vec<&'a LocalFeatures> {
+    frames.filter_map(Seen::local).collect()
+}
+
+/// A class that is left without any frame is a room whose support vectors were all dropped.
+fn forgotten(error: SvmError) -> AddError {
+    match error {
+        SvmError::Labeled(LabeledError::EmptyClass { class_idx }) => AddError::ForgottenClass { class_idx },
+        error => AddError::Svm(error),
+    }
+}
+
+/// How much each keypoint of a frame with these words adds to the decision value of a room: an equal share of what
+/// each block of the frame's row adds that it counts in.
+fn keypoint_weights(
+    (vocabulary, svm): (&Vocabulary, &LinearSvm),
+    (frame, words): (&LocalFeatures, &[u32]),
+    place_idx: usize,
+) -> Vec<f32> {
+    let row = vocabulary.row_of_words(frame.described(), words);
+    let width = vocabulary.block_width();
+    let blocks = || words.iter().zip(&frame.spots).map(|(&word, &spot)| vocabulary.blocks(word, spot));
+    let mut counts = vec![0.0; row.len() / width];
+    blocks().flatten().for_each(|block| counts[block] += 1.0);
+    let share = |block: usize| {
+        let added_by = |column: usize| {
+            let signed = signed_machines(svm, place_idx);
+            let sum: f32 = signed.map(|(machine, sign)| sign * svm.weights().row(machine)[column]).sum();
+            sum * row[column]
+        };
+        (block * width..(block + 1) * width).map(added_by).sum::<f32>() / f32::max(counts[block], 1.0)
+    };
+    let shares: Vec<f32> = (0..counts.len()).map(share).collect();
+    blocks().map(|blocks| blocks.map(|block| shares[block]).sum()).collect()
+}
+
+/// The machines that speak of a room, and whether their positive side is it.
+fn signed_machines(svm: &LinearSvm, place_idx: usize) -> impl Iterator<Item = (usize, f32)> {
+    let n_places = svm.n_classes();
+    let one_vs_all = (svm.scheme() == Scheme::OneVsAll).then_some((place_idx, 1.0));
+    let pairs = (0..n_places).flat_map(move |a| (a + 1..n_places).map(move |b| (a, b))).enumerate();
+    let one_vs_one = pairs.filter_map(move |(machine, (a, b))| {
+        let sign = if a == place_idx { 1.0 } else { -1.0 };
+        (one_vs_all.is_none() && (a == place_idx || b == place_idx)).then_some((machine, sign))
+    });
+    one_vs_all.into_iter().chain(one_vs_one)
+}
+
+/// The bag of each frame: one row a frame.
+fn bags(vocabulary: &Vocabulary, frames: &[&LocalFeatures]) -> Matrix {
+    let bags: Vec<Vec<f32>> = frames.par_iter().map(|frame| vocabulary.row(frame.described())).collect();
+    let mut rows = Matrix::new(vocabulary.n_columns());
+    bags.iter().for_each(|bag| rows.push_row(bag));
+    rows
+}
+
+/// The rows and columns of some frames.
+fn among(gram: &Matrix, frame_idxs: &[usize]) -> Matrix {
+    let mut part = Matrix::new(frame_idxs.len());
+    for &row_idx in frame_idxs {
+        let row = gram.row(row_idx);
+        part.push_row(&Vec::from_iter(frame_idxs.iter().map(|&idx| row[idx])));
+    }
+    part
+}
+
+/// What [`Config::check`] has refused before.
+fn mismatch() -> TrainError {
+    TrainError::Config("this classifier does not see this representation".to_owned())
+}
