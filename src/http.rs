@@ -8,7 +8,7 @@
 //! | `auth`, `cors` | keys and pages of other sites, checked before a byte of the body is read |
 //! | `caller` | who calls, as a request tells it |
 //! | `query`, `body` | what is asked for; untrusted bytes into frames, within limits |
-//! | `media_type` | what a body is, by its type and by its bytes |
+//! | `blocking` | work that waits for the disk or the network |
 //! | `routes` | the calls, a file for each resource; who may call them |
 //! | `problem` | errors as callers read them |
 //! | `openapi`, `asyncapi` | the description of what travels |
@@ -21,12 +21,12 @@
 
 mod asyncapi;
 mod auth;
+mod blocking;
 mod body;
 mod caller;
 mod connection;
 mod cors;
 mod linger;
-mod media_type;
 mod observe;
 mod openapi;
 mod places;

@@ -23,12 +23,14 @@ mod info;
 mod served;
 mod shadow;
 mod state;
+mod table;
 
 pub use error::{ChangeError, Failure, LookupError, RegistryError, repository_kind};
 pub use info::{model_info, network_infos, version_info, version_info_with_card};
-pub use served::{CANARY, Choice, PREVIOUS, SHADOW, STABLE, ServedModel, Serving};
+pub use served::ServedModel;
 pub use shadow::{Place, Shadow, Tally, distance};
 pub use state::Version;
+pub use table::{CANARY, Choice, PREVIOUS, SHADOW, STABLE, Serving};
 
 use crate::engine::events::Events;
 use crate::engine::metrics::Metrics;
@@ -36,10 +38,10 @@ use crate::repository::{DefaultModel, Record, Repository, Role};
 use crate::settings::Policy;
 use arc_swap::{ArcSwap, Guard};
 use roomsight_recognition::model::NetworkStore;
-use served::Table;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use table::Table;
 
 /// All models by name.
 pub struct Registry {

@@ -14,6 +14,7 @@
 //! | `ledger` | its frames without an answer, told in order |
 //! | `teller` | what it says: answers, the filter's answers, changes of the model |
 //! | `moment` | when a frame was taken, by the robot's clock or by ours |
+//! | `message` | messages as they are sent |
 //! | `kept` | what it has said, for a robot that comes back |
 //!
 //! A frame's way: `wire` → `inbox`: its share of memory → `session`: a number → `lane` → a thread takes the
@@ -24,6 +25,7 @@ mod intake;
 mod kept;
 mod lane;
 mod ledger;
+mod message;
 mod moment;
 mod places;
 mod session;

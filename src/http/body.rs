@@ -5,20 +5,25 @@
 //! whole. What slow senders can hold is memory, which is bounded for all bodies together and for each
 //! caller, see [`Bodies`](crate::engine::bodies::Bodies).
 
-use crate::engine::bodies::{Held, NoMemory};
+mod error;
+mod media_type;
+
+pub use error::BodyError;
+
+use crate::engine::bodies::Held;
 use crate::engine::caller::CallerId;
-use crate::engine::frame::{EMPTY_FRAME, Frame};
+use crate::engine::frame::Frame;
 use crate::engine::pool::Whose;
 use crate::engine::recognize::RecognizeError;
 use crate::http::App;
 use crate::http::caller::caller_of;
-use crate::http::media_type::{MediaType, content_type};
 use crate::http::places::Line;
-use crate::problem::{Kind, Problem};
+use crate::problem::Problem;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{FromRequest, Multipart, Request};
 use axum::http::header;
 use http_body_util::BodyExt;
+use media_type::{MediaType, content_type};
 use roomsight_protocol::base64_text;
 use roomsight_protocol::object::Object;
 use roomsight_protocol::rest::FrameJson;
@@ -45,66 +50,6 @@ pub struct OneFrame(pub Frame);
 
 /// The frames of a batch, a form.
 pub struct Frames(pub Vec<Frame>);
-
-/// Why a body gave no frame.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
-pub enum BodyError {
-    /// Nothing in it.
-    #[error("{EMPTY_FRAME}")]
-    Empty,
-    /// Too many bytes.
-    #[error("the body has more than {limit} bytes; send a smaller or more compressed frame")]
-    TooLarge {
-        /// The most bytes.
-        limit: usize,
-    },
-    /// Too many frames in a batch.
-    #[error("the batch has more than {0} frames; send several batches")]
-    TooManyFrames(usize),
-    /// It took too long.
-    #[error("the body was not complete after {} ms; send smaller frames or use a faster connection", .0.as_millis())]
-    Slow(Duration),
-    /// A type that is not read here.
-    #[error("the type {0:?} is not read here; send {1}")]
-    UnsupportedType(String, &'static str),
-    /// Compressed.
-    #[error("a body with the Content-Encoding {0:?} is not read here; send it as it is")]
-    Encoded(String),
-    /// An image without the bytes that `curl -d` leaves out.
-    #[error(
-        "this is no image, or it lost bytes on the way; send it with `curl --data-binary @frame.jpg` (`-d` leaves \
-         out zeros and ends of lines), or as multipart/form-data with `curl -F frame=@frame.jpg`"
-    )]
-    Stripped,
-    /// Not what its type says.
-    #[error("{0}")]
-    Malformed(String),
-    /// The connection broke.
-    #[error("the body broke off: {0}")]
-    Broken(String),
-    /// All memory for bodies is in use, or the caller's share of it.
-    #[error(transparent)]
-    NoMemory(#[from] NoMemory),
-}
-
-impl From<BodyError> for Problem {
-    fn from(error: BodyError) -> Self {
-        let kind = match &error {
-            BodyError::TooLarge { .. } | BodyError::TooManyFrames(_) => Kind::TooLarge,
-            BodyError::Slow(_) => Kind::SlowBody,
-            BodyError::UnsupportedType(..) | BodyError::Encoded(_) => Kind::UnsupportedType,
-            BodyError::Empty | BodyError::Stripped | BodyError::Malformed(_) | BodyError::Broken(_) => {
-                Kind::BadRequest
-            }
-            BodyError::NoMemory(_) => Kind::QueueFull,
-        };
-        let retry_after = match &error {
-            BodyError::NoMemory(NoMemory(full)) => Some(full.retry_after),
-            _ => None,
-        };
-        Self::new(kind, error).with_retry_after(retry_after)
-    }
-}
 
 impl FromRequest<App> for OneFrame {
     type Rejection = Problem;

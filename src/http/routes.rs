@@ -9,7 +9,6 @@ mod recognize;
 mod robots;
 mod session;
 mod stream;
-mod upload;
 
 use super::asyncapi::stream_document;
 use super::openapi::{Description, accept_sessions};

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test stops at the first surprise")]
 
 mod architecture;
+mod circles;
 mod cli;
 mod experiment;
 mod fuzzing;

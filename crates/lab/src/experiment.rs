@@ -14,11 +14,11 @@ mod run;
 mod stability;
 
 pub use cache::Cache;
-pub use drives::{Drive, Drives};
-pub use measured::{Cost, KeypointCounts, Matches, Measured, Rates};
+pub use drives::{Drive, Drives, Occlusion};
+pub use measured::{Cost, FrameAnswer, KeypointCounts, Matches, Measured, Rates};
 pub use paper::Paper;
-pub use plan::{Cell, Chart, Occlusion, Plan, Split, Work};
-pub use run::{FrameAnswer, SOURCES, Step, run};
+pub use plan::{Cell, Chart, Plan, Split, Work};
+pub use run::{SOURCES, Step, run};
 
 use clap::ValueEnum;
 use serde::Serialize;

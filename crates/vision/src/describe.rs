@@ -4,6 +4,7 @@
 mod cells;
 mod circle;
 mod code_sums;
+mod codes;
 mod cs_lbp;
 mod frame_lbp;
 mod lbp;

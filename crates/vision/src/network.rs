@@ -12,6 +12,7 @@ mod input;
 mod onnx;
 mod operators;
 mod outputs;
+mod refusal;
 mod runtime;
 mod session;
 #[cfg(any(test, feature = "testing"))]

@@ -1,8 +1,8 @@
 //! Another version comes to serve: it is loaded and tried first, then takes the place of the old one at once.
 
 use super::aside::aside;
-use super::served::{STABLE, Table};
 use super::state::{Loaded, State};
+use super::table::{STABLE, Table};
 use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, lock};
 use crate::engine::metrics::{SwapKind, SwapOutcome};
 use crate::repository::{Canary, Change, Record, RecordError, RepositoryError};

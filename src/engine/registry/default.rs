@@ -3,7 +3,7 @@
 //! on no other model takes its place by coming before it in the alphabet.
 
 use super::{Book, ChangeError, Registry, lock};
-use crate::engine::registry::served::Table;
+use crate::engine::registry::table::Table;
 use crate::repository::{DefaultModel, RepositoryError};
 use std::sync::Arc;
 

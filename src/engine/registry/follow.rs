@@ -1,8 +1,8 @@
 //! The start, and what changes in the repository while the service runs: versions that come and go, and what
 //! others have decided is to serve.
 
-use super::served::Table;
 use super::state::{Loaded, Version};
+use super::table::Table;
 use super::{Book, ChangeError, Entry, Registry, RegistryError, lock};
 use crate::engine::events::Events;
 use crate::engine::metrics::{Metrics, SwapKind};

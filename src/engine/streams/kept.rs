@@ -1,9 +1,12 @@
 //! What a stream has said, for a robot that comes back.
 
-use super::session::MAX_UNTOLD;
 use crate::settings::Settings;
 use std::collections::VecDeque;
 use tokio_tungstenite::tungstenite::Utf8Bytes;
+
+/// The most frames without a told answer where frames supersede each other: one is in work or waits, and
+/// those it superseded are told after it.
+pub const MAX_UNTOLD: usize = 256;
 
 /// A message up to this length says little, and costs little to keep: it tells that a frame was dropped.
 const SHORT_BYTES: usize = 64;

@@ -6,8 +6,10 @@
 
 use super::inbox::{Incoming, Received};
 use super::intake::Whole;
+use super::kept::MAX_UNTOLD;
 use super::lane::{Lane, Waiting};
 use super::ledger::{Accepted, Ledger, Outcome};
+use super::message::text;
 use super::settings;
 use super::socket::{Close, Socket};
 use super::teller::Teller;
@@ -33,10 +35,6 @@ use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::time::{MissedTickBehavior, interval_at, sleep_until, timeout};
 use tokio_tungstenite::tungstenite::Utf8Bytes;
 use tokio_util::sync::CancellationToken;
-
-/// The most frames without a told answer where frames supersede each other: one is in work or waits, and
-/// those it superseded are told after it.
-pub const MAX_UNTOLD: usize = 256;
 
 /// One stream.
 pub struct Session {
@@ -485,10 +483,4 @@ impl Session {
             rooms: self.teller.rooms().to_vec(),
         }))
     }
-}
-
-/// A message as it is sent.
-pub fn text(message: &ServerMessage) -> Utf8Bytes {
-    // Plain values always have a JSON form.
-    serde_json::to_string(message).unwrap_or_default().into()
 }

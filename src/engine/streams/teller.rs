@@ -3,8 +3,8 @@
 
 use super::kept::Kept;
 use super::ledger::Accepted;
+use super::message::text;
 use super::moment::{Elapsed, Moment};
-use super::session::text;
 use crate::engine::answer::{answer, rooms};
 use crate::engine::events::Events;
 use crate::engine::recognize::Seen;

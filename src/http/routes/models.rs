@@ -1,15 +1,15 @@
 //! The calls about models: what there is, what serves, and changes of both.
 
-use crate::engine::pool::Panicked;
-use crate::engine::recognize::RecognizeError;
+mod upload;
+
 use crate::engine::registry::ChangeError;
 use crate::engine::registry::{model_info, version_info, version_info_with_card};
 use crate::http::App;
+use crate::http::blocking::blocking;
 use crate::http::body::{BodyError, read_json};
 use crate::http::openapi::{
     ChangeProblems, IfMatch, LabelProblems, ModelProblems, NameParam, TarBytes, UploadProblems, VersionParams,
 };
-use crate::http::routes::upload::upload;
 use crate::problem::Problem;
 use crate::repository::{Canary, Change, RepositoryError};
 use axum::Json;
@@ -22,7 +22,7 @@ use axum::response::{IntoResponse, Response};
 use roomsight_protocol::rest::{LabelJson, ModelInfo, ModelList, VersionInfo};
 use roomsight_protocol::version_id::VersionId;
 use serde::Deserialize;
-use tokio::task::spawn_blocking;
+use upload::upload;
 use utoipa::ToSchema;
 
 /// Which version a call is about.
@@ -276,17 +276,6 @@ impl FromRequestParts<App> for Expected {
 pub async fn change(app: &App, name: &str, change: Change, epoch: Option<u64>) -> Result<(), Problem> {
     let name = name.to_owned();
     blocking(app, move |app| app.engine.registry.change(&name, change, epoch)).await
-}
-
-/// Runs what waits for disks or networks on a thread for that.
-pub async fn blocking<T: Send + 'static, E: Into<Problem> + Send + 'static>(
-    app: &App,
-    work: impl FnOnce(&App) -> Result<T, E> + Send + 'static,
-) -> Result<T, Problem> {
-    let app = app.clone();
-    let done = spawn_blocking(move || work(&app)).await;
-    // A panic on the way is a defect of ours.
-    done.map_err(|_| Problem::from(RecognizeError::from(Panicked)))?.map_err(Into::into)
 }
 
 fn labeled(path: Result<Path<LabelPath>, PathRejection>) -> Result<LabelPath, Problem> {

@@ -1,6 +1,6 @@
 //! The drives of a data set, and what their frames show once described.
 
-use super::{ExperimentError, Occlusion};
+use super::ExperimentError;
 use crate::dataset::cold::{DrivenPath, Illumination, Part, SequenceName};
 use crate::dataset::{Dataset, Described};
 use crate::simulate::Wall;
@@ -8,6 +8,7 @@ use crate::validate;
 use roomsight_recognition::model::{Config, Extractor};
 use roomsight_vision::camera::{Camera, CameraKind, Mask, Projection};
 use roomsight_vision::image::{Image, Limits};
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs;
 
@@ -126,6 +127,13 @@ impl Drive {
         }
         Ok(described)
     }
+}
+
+/// Stripes of a frame whose pixels are not looked at.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Occlusion {
+    /// How much is hidden, in sixteenths of the frame, from 0 to 8.
+    pub sixteenths: u8,
 }
 
 impl Occlusion {

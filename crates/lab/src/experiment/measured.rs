@@ -1,8 +1,19 @@
 //! What comes out of a cell.
 
-use super::{Drives, FrameAnswer};
+use super::Drives;
 use crate::evaluate::{Answer, Evaluation, Summary};
 use serde::{Deserialize, Serialize};
+
+/// The answer to one frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameAnswer {
+    /// Which frame of the drive.
+    pub frame_idx: usize,
+    /// The room that was answered.
+    pub place: String,
+    /// How many keypoints the answer rests on.
+    pub n_keypoints: usize,
+}
 
 /// A cell, measured.
 #[derive(Clone, Debug, Serialize)]

@@ -3,7 +3,7 @@
 mod lu;
 mod ullah;
 
-use super::{Drives, Experiment, ExperimentError};
+use super::{Drives, Experiment, ExperimentError, Occlusion};
 use roomsight_recognition::classify::svm::Scheme;
 use roomsight_recognition::model::{Config, MachinesConfig, Sigmoids};
 use serde::Serialize;
@@ -95,13 +95,6 @@ pub struct Split {
     pub train: Vec<usize>,
     /// Indices of drives.
     pub test: Vec<usize>,
-}
-
-/// Stripes of a frame whose pixels are not looked at.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Occlusion {
-    /// How much is hidden, in sixteenths of the frame, from 0 to 8.
-    pub sixteenths: u8,
 }
 
 impl Experiment {

@@ -1,6 +1,6 @@
 //! Plans to figures: models are trained, drives are answered, what was answered before is read.
 
-use super::measured::Answers;
+use super::measured::{Answers, FrameAnswer};
 use super::{
     Cache, Cell, Drive, Drives, ExperimentError, Matches, Measured, Occlusion, Plan, Rates, Split, Work,
     cost, stability,
@@ -9,21 +9,10 @@ use crate::dataset::Described;
 use crate::validate;
 use rayon::prelude::*;
 use roomsight_recognition::model::{Config, Model, OpinionConfig, Sample};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 /// The code that answers, as the build found it: answers that other code has kept are not read.
 pub const SOURCES: &str = env!("ROOMSIGHT_ANSWER_SOURCES");
-
-/// The answer to one frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FrameAnswer {
-    /// Which frame of the drive.
-    pub frame_idx: usize,
-    /// The room that was answered.
-    pub place: String,
-    /// How many keypoints the answer rests on.
-    pub n_keypoints: usize,
-}
 
 /// What is being done.
 #[derive(Clone, Debug)]

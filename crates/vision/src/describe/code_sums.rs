@@ -3,21 +3,21 @@
 //!
 //! Gives the same descriptors as looking at each square by itself, bit for bit.
 
-use super::cs_lbp::{Codes, CsLbp};
-use super::region::{MAX_SIDE, Weighting, copy_rows};
-use crate::camera::{CameraKind, View};
+use super::codes::Codes;
+use super::region::{MAX_SIDE, copy_rows};
+use crate::camera::View;
 use crate::detect::Keypoint;
 use crate::image::Image;
 use crate::simd;
 
 /// Codes that are counted apart, as many as fit one vector register.
-const N_CODES: usize = 8;
+pub(super) const N_CODES: usize = 8;
 
 /// The most pixels of a frame that tables are made for: 64 MiB of them.
-const MAX_PIXELS: usize = 1 << 22;
+pub(super) const MAX_PIXELS: usize = 1 << 22;
 
 /// What tables of a pixel cost less than one pixel in this many of the squares, looked at one by one.
-const PIXELS_A_SQUARE_PIXEL: usize = 2;
+pub(super) const PIXELS_A_SQUARE_PIXEL: usize = 2;
 
 /// How often each code occurs. Counts are whole numbers modulo 2^16; no cell has as many pixels.
 type Counts = [u16; N_CODES];
@@ -46,21 +46,6 @@ impl CellEdges {
 }
 
 impl CodeSums {
-    /// Whether tables can describe these keypoints, and cost less than looking at each by itself.
-    pub(super) fn are_faster(config: &CsLbp, image: &Image, keypoints: &[Keypoint], view: &View) -> bool {
-        let n_pixels = image.width() * image.height();
-        let is_whole = |position: f32| position.fract() == 0.0;
-        let n_in_squares = || {
-            keypoints.iter().map(|found| config.region.side_at(found, config.n_cells).pow(2)).sum::<usize>()
-        };
-        config.n_dimensions() <= N_CODES * config.n_cells.pow(2)
-            && config.region.weighting == Weighting::Uniform
-            && view.kind() != CameraKind::Omnidirectional
-            && n_pixels <= MAX_PIXELS
-            && keypoints.iter().all(|found| is_whole(found.x) && is_whole(found.y))
-            && n_in_squares() > PIXELS_A_SQUARE_PIXEL * n_pixels
-    }
-
     /// Counts the codes of all pixels of `image` that lie, with the margin of the codes, in the valid region of
     /// `view`. There are at most [`N_CODES`] codes.
     pub(super) fn new(codes_of: &Codes, image: &Image, view: &View) -> Self {
@@ -140,7 +125,9 @@ fn subtracted(a: Counts, b: Counts) -> Counts {
 mod tests {
     use super::*;
     use crate::camera::{Camera, Mask, Projection};
+    use crate::describe::CsLbp;
     use crate::describe::Region;
+    use crate::describe::region::Weighting;
     use crate::describe::testing::noise;
     use proptest::prelude::*;
 
@@ -185,22 +172,17 @@ mod tests {
         let keypoints = vec![Keypoint::new(50.0, 50.0, 1.0); 80];
         let view = |projection| Camera::new(projection).view(100, 100);
         let perspective = view(Projection::Perspective);
-        assert!(CodeSums::are_faster(&config, &image, &keypoints, &perspective));
-        assert!(!CodeSums::are_faster(&config, &image, &keypoints[..40], &perspective));
+        assert!(config.is_faster_by_tables(&image, &keypoints, &perspective));
+        assert!(!config.is_faster_by_tables(&image, &keypoints[..40], &perspective));
         let between = [&keypoints[..], &[Keypoint::new(50.5, 50.0, 1.0)]].concat();
-        assert!(!CodeSums::are_faster(&config, &image, &between, &perspective));
+        assert!(!config.is_faster_by_tables(&image, &between, &perspective));
         let more_codes = CsLbp { n_neighbors: 8, ..config.clone() };
-        assert!(!CodeSums::are_faster(&more_codes, &image, &keypoints, &perspective));
+        assert!(!more_codes.is_faster_by_tables(&image, &keypoints, &perspective));
         let gaussian = Region { weighting: Weighting::Gaussian, ..region };
         let weighted = CsLbp { region: gaussian, ..config.clone() };
-        assert!(!CodeSums::are_faster(&weighted, &image, &keypoints, &perspective));
+        assert!(!weighted.is_faster_by_tables(&image, &keypoints, &perspective));
         let mirror =
             crate::camera::Mirror { center_x: 0.5, center_y: 0.5, inner_radius: 0.1, outer_radius: 0.5 };
-        assert!(!CodeSums::are_faster(
-            &config,
-            &image,
-            &keypoints,
-            &view(Projection::Omnidirectional(mirror))
-        ));
+        assert!(!config.is_faster_by_tables(&image, &keypoints, &view(Projection::Omnidirectional(mirror))));
     }
 }

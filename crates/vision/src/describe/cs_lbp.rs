@@ -8,13 +8,13 @@
 
 use super::cells::Cells;
 use super::circle::{self, NeighborCircle};
-use super::code_sums::{CellEdges, CodeSums};
-use super::region::{Region, Window};
-use crate::camera::View;
+use super::code_sums::{CellEdges, CodeSums, MAX_PIXELS, N_CODES, PIXELS_A_SQUARE_PIXEL};
+use super::codes::Codes;
+use super::region::{Region, Weighting, Window};
+use crate::camera::{CameraKind, View};
 use crate::detect::Keypoint;
 use crate::image::Image;
 use crate::matrix::Matrix;
-use crate::simd;
 use serde::{Deserialize, Serialize};
 
 /// The CS-LBP descriptor.
@@ -61,7 +61,7 @@ impl CsLbp {
         let mut descriptors = Matrix::zeros(keypoints.len(), self.n_dimensions());
         let codes = self.codes();
         let sums =
-            CodeSums::are_faster(self, image, keypoints, view).then(|| CodeSums::new(&codes, image, view));
+            self.is_faster_by_tables(image, keypoints, view).then(|| CodeSums::new(&codes, image, view));
         for (region, keypoints) in self.region.by_side(keypoints, self.n_cells) {
             match &sums {
                 Some(sums) => {
@@ -74,6 +74,20 @@ impl CsLbp {
             }
         }
         descriptors
+    }
+
+    /// Whether tables ([`CodeSums`]) can describe these keypoints, and cost less than looking at each by itself.
+    pub(super) fn is_faster_by_tables(&self, image: &Image, keypoints: &[Keypoint], view: &View) -> bool {
+        let n_pixels = image.width() * image.height();
+        let is_whole = |position: f32| position.fract() == 0.0;
+        let n_in_squares =
+            || keypoints.iter().map(|found| self.region.side_at(found, self.n_cells).pow(2)).sum::<usize>();
+        self.n_dimensions() <= N_CODES * self.n_cells.pow(2)
+            && self.region.weighting == Weighting::Uniform
+            && view.kind() != CameraKind::Omnidirectional
+            && n_pixels <= MAX_PIXELS
+            && keypoints.iter().all(|found| is_whole(found.x) && is_whole(found.y))
+            && n_in_squares() > PIXELS_A_SQUARE_PIXEL * n_pixels
     }
 
     /// Describes keypoints with a region of the same side one by one.
@@ -102,29 +116,6 @@ impl CsLbp {
             threshold: (self.threshold * 255.0 * 256.0).round() as u16,
             circle: NeighborCircle::new(self.n_neighbors, self.radius),
             margin: circle::margin(self.radius),
-        }
-    }
-}
-
-/// How the pixels of a picture get their codes.
-pub(super) struct Codes {
-    /// Of neighbors, each a bit of a code.
-    pub(super) n_pairs: usize,
-    /// In 1/256 of a gray value.
-    threshold: u16,
-    circle: NeighborCircle,
-    /// How many pixels beyond those that get a code are read.
-    pub(super) margin: usize,
-}
-
-impl Codes {
-    /// The codes of the pixels that lie the margin away from the border of `pixels`, rows of `stride`.
-    pub(super) fn write(&self, pixels: &[u8], stride: usize, codes: &mut [[u8; simd::CODE_BLOCK]]) {
-        codes.as_flattened_mut().fill(0);
-        for pair in 0..self.n_pairs {
-            let neighbors = self.circle.neighbors_in(pair, pixels, stride);
-            let opposite = self.circle.neighbors_in(pair + self.n_pairs, pixels, stride);
-            simd::mark_brighter(neighbors, opposite, self.threshold, 1 << pair, codes);
         }
     }
 }

@@ -18,11 +18,12 @@ mod tests;
 
 use super::{Gap, ImageError, Limits, Region, check_size, damaged, exif, unsupported};
 use blocks::ZIGZAG;
+use blocks::{Part, Pass};
 use frame::{Component, Frame, RowState};
 use huffman::{Class, Table};
 use image::metadata::Orientation;
 use samples::Pixels;
-use scan::{Part, Pass, Scan};
+use scan::Scan;
 use std::array;
 
 /// A progressive frame brings its whole area once a scan; real ones have about ten.

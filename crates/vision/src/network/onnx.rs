@@ -3,6 +3,7 @@
 //! Field numbers are those of onnx.proto3 (github.com/onnx/onnx).
 
 use super::operators::{is_control_flow, work};
+use super::refusal::{MAX_RANK, Problem, refused};
 use super::weights::Weights;
 use super::wire::{Field, Malformed, fields, put_bytes, put_varint};
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,8 +14,6 @@ pub const MAX_FILE_BYTES: u64 = 512 << 20;
 pub const MAX_NODES: usize = 10_000;
 /// The most tensors that a network may have, weights included.
 const MAX_TENSORS: usize = 100_000;
-/// The most dimensions of a tensor.
-pub(super) const MAX_RANK: usize = 8;
 /// The oldest operators that say which sizes come out of them.
 const MIN_OPSET: u64 = 11;
 
@@ -240,21 +239,6 @@ const GRAPH_INPUT: u64 = 11;
 const GRAPH_OUTPUT: u64 = 12;
 const GRAPH_VALUE_INFO: u64 = 13;
 const GRAPH_SPARSE_WEIGHTS: u64 = 15;
-
-pub(super) enum Problem {
-    Malformed,
-    Refused(String),
-}
-
-impl From<Malformed> for Problem {
-    fn from(_: Malformed) -> Self {
-        Self::Malformed
-    }
-}
-
-pub(super) fn refused<T>(why: impl Into<String>) -> Result<T, Problem> {
-    Err(Problem::Refused(why.into()))
-}
 
 /// The version of ONNX's own operators, if that is what the entry is about.
 fn opset_version(opset: &[u8]) -> Result<Option<u64>, Malformed> {

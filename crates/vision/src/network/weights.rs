@@ -1,6 +1,6 @@
 //! The tensors that lie in an ONNX file: weights and constants.
 
-use super::onnx::{MAX_RANK, Problem, refused};
+use super::refusal::{MAX_RANK, Problem, refused};
 use super::wire::{Value, fields};
 
 /// TensorProto.

@@ -1,7 +1,7 @@
 //! The experiments of Lu et al.
 
-use super::super::{Drives, Experiment, ExperimentError};
-use super::{Cell, Chart, Occlusion, Plan, Split, Work, cell};
+use super::super::{Drives, Experiment, ExperimentError, Occlusion};
+use super::{Cell, Chart, Plan, Split, Work, cell};
 use crate::dataset::cold::Illumination;
 use crate::validate::teams;
 use roomsight_recognition::classify::boost;

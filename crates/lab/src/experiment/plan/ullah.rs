@@ -1,7 +1,7 @@
 //! The experiments of Ullah et al.
 
-use super::super::{Drives, Experiment, ExperimentError};
-use super::{Cell, Chart, Occlusion, Plan, Split, Work};
+use super::super::{Drives, Experiment, ExperimentError, Occlusion};
+use super::{Cell, Chart, Plan, Split, Work};
 use crate::dataset::cold::Illumination::{Cloudy, Night, Sunny};
 use crate::dataset::cold::{DrivenPath, SequenceName};
 use roomsight_recognition::classify::svm::{InnerKernel, MatchConfig};

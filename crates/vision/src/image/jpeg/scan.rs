@@ -1,9 +1,8 @@
 //! The walk through the blocks of a scan, from restart marker to restart marker.
 
 use super::bits::Bits;
-use super::blocks;
+use super::blocks::{self, Part, Pass, State};
 use super::frame::{Block, Component, Frame, RowState};
-use super::huffman::Table;
 use crate::simd::BLOCKS;
 use std::ops::Range;
 
@@ -17,33 +16,6 @@ pub(super) struct Scan<'a> {
     pub restart_interval: usize,
 }
 
-/// A component in a scan.
-pub(super) struct Part<'a> {
-    /// Which component of the frame.
-    pub component_idx: usize,
-    /// For first coefficients; there where the scan brings any.
-    pub dc: Option<&'a Table>,
-    /// For all others; there where the scan brings any.
-    pub ac: Option<&'a Table>,
-}
-
-/// What a scan brings of coefficients: all of them and whole, but in a progressive frame.
-pub(super) struct Pass {
-    /// Which, in the order of streams.
-    pub band: Range<usize>,
-    /// The lowest bit that was sent before; 0 where none was.
-    pub high: u8,
-    /// The lowest bit that is sent.
-    pub low: u8,
-}
-
-impl Pass {
-    /// Whether nothing was sent before.
-    pub(super) fn is_first(&self) -> bool {
-        self.high == 0
-    }
-}
-
 /// The groups of blocks of a scan.
 struct Grid {
     /// Groups across and down.
@@ -52,15 +24,6 @@ struct Grid {
     height: usize,
     /// Blocks of each part in a group, across and down.
     sizes: Vec<[usize; 2]>,
-}
-
-/// What is carried from block to block of a component.
-#[derive(Clone, Copy, Default)]
-pub(super) struct State {
-    /// The first coefficient of the last block.
-    pub last: i16,
-    /// Blocks to come that bring nothing, in a progressive frame.
-    pub n_empty: u32,
 }
 
 impl Grid {

@@ -3,7 +3,7 @@
 use crate::engine::registry::ChangeError;
 use crate::engine::registry::repository_kind;
 use crate::http::App;
-use crate::http::routes::models::blocking;
+use crate::http::blocking::blocking;
 use crate::problem::{Kind, Problem};
 use crate::repository::package::{Limits, PackageError, unpack};
 use crate::repository::{RepositoryError, disk_error};

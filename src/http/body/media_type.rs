@@ -2,7 +2,7 @@
 //! name none, as JSON since a wrapper always says so. So a type only tells forms apart from other bodies, and
 //! those that are certainly no frame; the rest is judged by its first bytes.
 
-use crate::http::body::BodyError;
+use super::BodyError;
 use axum::http::{HeaderMap, header};
 
 /// What `curl`, `wget` and others say where the sender names no type.
