@@ -20,6 +20,7 @@ pub use paper::Paper;
 pub use plan::{Cell, Chart, Plan, Split, Work};
 pub use run::{SOURCES, Step, run};
 
+#[cfg(feature = "clap")]
 use clap::ValueEnum;
 use serde::Serialize;
 use std::fmt;
@@ -27,7 +28,8 @@ use std::io;
 use std::path::PathBuf;
 
 /// An experiment of one of the papers, or beside them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize)]
+#[cfg_attr(feature = "clap", derive(ValueEnum))]
 #[serde(rename_all = "snake_case")]
 pub enum Experiment {
     /// Local features (Lu, table 1)

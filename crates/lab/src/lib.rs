@@ -1,4 +1,11 @@
 //! What measures: data sets, a simulated lab, and the experiments of the papers.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`dataset`], [`evaluate`] | labeled frames from disk; rates of a model on them |
+//! | [`simulate`] | the simulated lab, which uses nothing else |
+//! | [`check`], [`validate`], [`page`] | what is odd about labeled frames; rates of a configuration over splits and seeds; HTML pages with charts |
+//! | [`experiment`] | the experiments of the papers |
 
 pub mod dataset;
 pub mod evaluate;

@@ -4,10 +4,12 @@ use super::rest::{Answer, ModelName, RoomProbability, TimingsMs};
 use super::stream::{DropReason, Mode, StreamResult};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+#[cfg(feature = "schema")]
 use utoipa::ToSchema;
 
 /// Something that happened, as the data of a server-sent event; the event's name is `type`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum Event {
     /// A frame was answered.
@@ -29,7 +31,8 @@ pub enum Event {
 }
 
 /// Whose stream.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct RobotName {
     /// The stream, by its public name.
     pub stream: String,
@@ -39,7 +42,8 @@ pub struct RobotName {
 }
 
 /// A frame that was answered.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct AnswerEvent {
     /// The robot, where known.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -97,14 +101,16 @@ impl AnswerEvent {
 }
 
 /// All robots that stream.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct RobotList {
     /// The stream that began first comes first.
     pub robots: Vec<RobotInfo>,
 }
 
 /// A robot that streams.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct RobotInfo {
     /// Its stream and its name.
     #[serde(flatten)]
@@ -137,7 +143,8 @@ pub struct RobotInfo {
 }
 
 /// What became of a stream's frames.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct FrameCounts {
     /// Taken in.
     pub accepted: u64,
@@ -146,12 +153,13 @@ pub struct FrameCounts {
     /// Answered with an error.
     pub errors: u64,
     /// Not looked at, by reason.
-    #[schema(value_type = std::collections::HashMap<String, u64>)]
+    #[cfg_attr(feature = "schema", schema(value_type = std::collections::HashMap<String, u64>))]
     pub dropped: BTreeMap<DropReason, u64>,
 }
 
 /// An answer of a while ago.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct PastAnswer {
     /// Which frame.
     pub seq: u64,

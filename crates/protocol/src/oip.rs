@@ -22,6 +22,7 @@ pub mod tensor;
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+#[cfg(feature = "schema")]
 use utoipa::ToSchema;
 
 /// The header that tells how many bytes of a body are JSON; binary tensors follow them.
@@ -35,10 +36,11 @@ pub const EXTENSIONS: [&str; 4] =
 pub const PLATFORM: &str = "roomsight";
 
 /// What serves.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[schema(example = json!({
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
+#[cfg_attr(feature = "schema", schema(example = json!({
     "name": "roomsight", "version": "0.1.0", "extensions": EXTENSIONS
-}))]
+})))]
 pub struct ServerMetadata {
     /// The service.
     pub name: String,
@@ -49,21 +51,24 @@ pub struct ServerMetadata {
 }
 
 /// Whether the service lives.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ServerLive {
     /// It does, where it answers.
     pub live: bool,
 }
 
 /// Whether frames are answered.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ServerReady {
     /// They are, where the status is 200.
     pub ready: bool,
 }
 
 /// Whether a model answers.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ModelReady {
     /// The model.
     pub name: String,
@@ -72,14 +77,15 @@ pub struct ModelReady {
 }
 
 /// What a model takes and gives.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ModelMetadata {
     /// Its name.
     pub name: String,
     /// The versions that can be asked for.
     pub versions: Vec<String>,
     /// What recognizes frames.
-    #[schema(example = "roomsight")]
+    #[cfg_attr(feature = "schema", schema(example = "roomsight"))]
     pub platform: String,
     /// What it takes: `frame`, encoded images.
     pub inputs: Vec<TensorMetadata>,
@@ -88,8 +94,9 @@ pub struct ModelMetadata {
 }
 
 /// A tensor of a model.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[schema(example = json!({"name": "probabilities", "datatype": "FP32", "shape": [-1, 9]}))]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
+#[cfg_attr(feature = "schema", schema(example = json!({"name": "probabilities", "datatype": "FP32", "shape": [-1, 9]})))]
 pub struct TensorMetadata {
     /// Its name.
     pub name: String,
@@ -100,7 +107,8 @@ pub struct TensorMetadata {
 }
 
 /// What the elements of a tensor are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Datatype {
     /// Bytes of any length.
@@ -112,7 +120,8 @@ pub enum Datatype {
 }
 
 /// The outputs there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum OutputName {
     /// The most probable room of each frame.
@@ -130,15 +139,17 @@ pub enum OutputName {
 }
 
 /// An error, whatever went wrong.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[schema(example = json!({"error": "there is no model \"lab\"; GET /v1/models lists those that are"}))]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
+#[cfg_attr(feature = "schema", schema(example = json!({"error": "there is no model \"lab\"; GET /v1/models lists those that are"})))]
 pub struct ErrorBody {
     /// What is wrong and what to do about it.
     pub error: String,
 }
 
 /// Which versions to list.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct IndexRequest {
     /// Only those that are ready.
     #[serde(default)]
@@ -146,7 +157,8 @@ pub struct IndexRequest {
 }
 
 /// A version of a model in the repository.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct IndexEntry {
     /// The model.
     pub name: String,
@@ -159,7 +171,8 @@ pub struct IndexEntry {
 }
 
 /// Whether a version answers.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "UPPERCASE")]
 pub enum IndexState {
     /// It does.
@@ -169,11 +182,12 @@ pub enum IndexState {
 }
 
 /// How to load a model.
-#[derive(Debug, Default, Deserialize, ToSchema)]
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct LoadRequest {
     /// Triton's `config` and files; models are loaded as they are, so that any parameter is refused.
     #[serde(default)]
-    #[schema(value_type = Object)]
+    #[cfg_attr(feature = "schema", schema(value_type = Object))]
     pub parameters: BTreeMap<String, IgnoredAny>,
 }
 

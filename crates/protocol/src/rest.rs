@@ -4,6 +4,7 @@ use crate::version_id::version_number;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
+#[cfg(feature = "schema")]
 use utoipa::{IntoParams, ToSchema};
 
 /// A frame for examples: a checkerboard of 16 x 16 pixels, a PNG in base64.
@@ -11,9 +12,10 @@ pub const EXAMPLE_FRAME: &str = "iVBORw0KGgoAAAANSUhEUgAAABAAAAAQCAAAAAA6mKC9AAA
     Gc36zkAAAAAElFTkSuQmCC";
 
 /// What a caller may ask about a frame.
-#[derive(Clone, Debug, Default, Serialize, Deserialize, IntoParams)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(IntoParams))]
 #[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
+#[cfg_attr(feature = "schema", into_params(parameter_in = Query))]
 pub struct RecognizeQuery {
     /// The model that answers; left out: the default one.
     pub model: Option<String>,
@@ -21,20 +23,20 @@ pub struct RecognizeQuery {
     #[serde(default, deserialize_with = "version_from_text")]
     pub version: Option<u64>,
     /// The label its version carries, instead of `version`.
-    #[param(example = "stable")]
+    #[cfg_attr(feature = "schema", param(example = "stable"))]
     pub label: Option<String>,
     /// Who asks. Sent back, and in the log.
-    #[param(example = "wall-e", max_length = 64)]
+    #[cfg_attr(feature = "schema", param(example = "wall-e", max_length = 64))]
     pub robot: Option<String>,
     /// When the frame was taken: a date and a time (RFC 3339, or ISO 8601 without an offset), or a number
     /// since 1970, in seconds or parts of them. Sent back as it came.
-    #[param(example = "2030-01-31T12:00:00.250Z", max_length = 64)]
+    #[cfg_attr(feature = "schema", param(example = "2030-01-31T12:00:00.250Z", max_length = 64))]
     pub captured_at: Option<String>,
     /// How long after the arrival of the request the frame may wait before it is looked at.
-    #[param(example = 200)]
+    #[cfg_attr(feature = "schema", param(example = 200))]
     pub deadline_ms: Option<u64>,
     /// How many of the most probable rooms to name; left out: all.
-    #[param(minimum = 1, example = 3)]
+    #[cfg_attr(feature = "schema", param(minimum = 1, example = 3))]
     pub top: Option<usize>,
     /// Whether to tell why: which keypoints spoke for and against the room, and which training frames are most like the
     /// frame.
@@ -43,27 +45,29 @@ pub struct RecognizeQuery {
 }
 
 /// A frame as JSON.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
-#[schema(example = json!({"frame": EXAMPLE_FRAME}))]
+#[cfg_attr(feature = "schema", schema(example = json!({"frame": EXAMPLE_FRAME})))]
 pub struct FrameJson<'a> {
     /// The image in base64, in any of the usual ways of writing it: in lines or not, with or without `=` at its
     /// end, in the alphabet for addresses, with a `data:image/...;base64,` before it.
     #[serde(borrow)]
-    #[schema(min_length = 2)]
+    #[cfg_attr(feature = "schema", schema(min_length = 2))]
     pub frame: Cow<'a, str>,
 }
 
 /// Which room a frame shows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[schema(example = json!({
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
+#[cfg_attr(feature = "schema", schema(example = json!({
     "room": "kitchen", "known": true, "novelty": 0.07, "probability": 0.83,
     "probabilities": [{"room": "kitchen", "probability": 0.83}, {"room": "corridor", "probability": 0.17}],
     "model": {"name": "lab", "version": 1, "epoch": 1, "digest": "5f0c2a9be1d34c77"},
     "keypoints": 182,
     "timings_ms": {"queue": 0.05, "decode": 1.9, "features": 2.4, "classify": 0.3},
     "request_id": "7d1f3c0a9b2e4d58", "robot": "wall-e"
-}))]
+})))]
 pub struct Answer {
     /// The most probable room.
     pub room: String,
@@ -111,7 +115,8 @@ pub struct Answer {
 }
 
 /// Why an answer is not known.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Unknown {
     /// No room is probable enough.
@@ -131,7 +136,8 @@ fn is_zero(number: &usize) -> bool {
 }
 
 /// A room and its probability.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct RoomProbability {
     /// The room.
     pub room: String,
@@ -140,7 +146,8 @@ pub struct RoomProbability {
 }
 
 /// The model that answered.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ModelName {
     /// Its name.
     pub name: String,
@@ -153,7 +160,8 @@ pub struct ModelName {
 }
 
 /// Where the time of one frame went, in milliseconds. Also in the header `Server-Timing`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct TimingsMs {
     /// Waiting for a thread.
     pub queue: f64,
@@ -166,7 +174,8 @@ pub struct TimingsMs {
 }
 
 /// One keypoint's share in an answer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct KeypointEvidence {
     /// Column in the frame as sent, in pixels.
     pub x: f32,
@@ -186,7 +195,8 @@ pub struct KeypointEvidence {
 }
 
 /// A training frame that is like the frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct NearestFrame {
     /// The opinion of the model that finds it so.
     pub opinion: String,
@@ -205,7 +215,8 @@ pub struct NearestFrame {
 }
 
 /// Where a frame was taken, more or less, in the coordinates of the training drives.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct FramePose {
     /// Meters.
     pub x: f64,
@@ -218,7 +229,8 @@ pub struct FramePose {
 }
 
 /// The answers to a batch.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct BatchAnswer {
     /// One for each frame, in the order sent.
     pub results: Vec<BatchResult>,
@@ -227,7 +239,8 @@ pub struct BatchAnswer {
 }
 
 /// What became of one frame of a batch.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum BatchResult {
     /// It was recognized.
@@ -237,7 +250,8 @@ pub enum BatchResult {
 }
 
 /// The models there are.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ModelList {
     /// The model of requests that name none; left out before one serves or is named. It stays until another is named.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -247,7 +261,8 @@ pub struct ModelList {
 }
 
 /// One model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ModelInfo {
     /// Its name.
     pub name: String,
@@ -266,7 +281,8 @@ pub struct ModelInfo {
 }
 
 /// One version of a model.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct VersionInfo {
     /// Its number.
     pub version: u64,
@@ -297,14 +313,15 @@ pub struct VersionInfo {
     pub networks: Vec<NetworkInfo>,
     /// How it was trained and how well it did; asked for by version only.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(value_type = Option<Object>)]
+    #[cfg_attr(feature = "schema", schema(value_type = Option<Object>))]
     pub card: Option<serde_json::Value>,
     /// Its last states, the oldest first.
     pub history: Vec<StateChange>,
 }
 
 /// A network that a model looks through.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct NetworkInfo {
     /// What the model calls it.
     pub name: String,
@@ -315,7 +332,8 @@ pub struct NetworkInfo {
 }
 
 /// How a shadow compares with the stable version, frame by frame, since it became one.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ShadowInfo {
     /// Frames that both recognized.
     pub compared: u64,
@@ -329,7 +347,8 @@ pub struct ShadowInfo {
 }
 
 /// When another state came to be true of a version.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct StateChange {
     /// The state.
     pub state: VersionState,
@@ -338,7 +357,8 @@ pub struct StateChange {
 }
 
 /// What is to carry a label.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct LabelJson {
     /// The version.
@@ -349,7 +369,8 @@ pub struct LabelJson {
 }
 
 /// What is true of a version.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "lowercase")]
 pub enum VersionState {
     /// It is there, and not in memory.
@@ -371,7 +392,8 @@ pub enum VersionState {
 }
 
 /// Why a version does not serve.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct FailureInfo {
     /// `verifying`, `loading` or `warming`.
     pub stage: String,
@@ -380,14 +402,16 @@ pub struct FailureInfo {
 }
 
 /// How the service is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct Health {
     /// `live` or `ready`.
     pub status: String,
 }
 
 /// A kind of problem.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct KindInfo {
     /// Its name, a path.
     pub r#type: String,
@@ -400,12 +424,13 @@ pub struct KindInfo {
 }
 
 /// An error, RFC 9457.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[schema(example = json!({
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
+#[cfg_attr(feature = "schema", schema(example = json!({
     "type": "/problems/queue-full", "title": "The queue is full", "status": 429,
     "detail": "the queue is full; try again after the time in Retry-After",
     "request_id": "7d1f3c0a9b2e4d58"
-}))]
+})))]
 pub struct ProblemBody {
     /// The kind of problem, a path that can be read and never changes.
     pub r#type: String,

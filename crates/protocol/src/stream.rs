@@ -6,6 +6,7 @@
 
 use super::rest::{Answer, ModelName, ProblemBody, RoomProbability};
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "schema")]
 use utoipa::{IntoParams, ToSchema};
 
 /// The subprotocol that both sides name.
@@ -15,9 +16,10 @@ pub const SUBPROTOCOL: &str = "roomsight.v1";
 pub const KEY_SUBPROTOCOL_PREFIX: &str = "key.";
 
 /// How a stream begins, or goes on.
-#[derive(Clone, Debug, Default, Serialize, Deserialize, IntoParams)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(IntoParams))]
 #[serde(deny_unknown_fields)]
-#[into_params(parameter_in = Query)]
+#[cfg_attr(feature = "schema", into_params(parameter_in = Query))]
 pub struct StreamQuery {
     /// The `session` of the stream to resume, as `hello` told it; with the key that opened the stream, where keys
     /// are asked for. Where it is over, a new one begins.
@@ -26,12 +28,12 @@ pub struct StreamQuery {
     /// are sent again.
     pub last_seq: Option<u64>,
     /// Who streams.
-    #[param(example = "wall-e", max_length = 64)]
+    #[cfg_attr(feature = "schema", param(example = "wall-e", max_length = 64))]
     pub robot: Option<String>,
     /// The name of the model that answers; left out: the default one.
     pub model: Option<String>,
     /// What happens to frames that come faster than they are answered.
-    #[param(inline)]
+    #[cfg_attr(feature = "schema", param(inline))]
     pub mode: Option<Mode>,
     /// With the mode `sampled`: the least time between two frames that are looked at.
     pub interval_ms: Option<u64>,
@@ -62,7 +64,8 @@ impl StreamQuery {
 }
 
 /// What a robot sends as text.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum ClientMessage {
     /// Changes the stream.
@@ -70,12 +73,13 @@ pub enum ClientMessage {
 }
 
 /// How the stream shall go on. What is left out stays as it is.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct Configure {
     /// Who streams.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(max_length = 64)]
+    #[cfg_attr(feature = "schema", schema(max_length = 64))]
     pub robot: Option<String>,
     /// The name of the model that answers.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -85,7 +89,7 @@ pub struct Configure {
     pub mode: Option<Mode>,
     /// With the mode `sampled`: the least time between two frames that are looked at.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schema(minimum = 1, maximum = 3_600_000)]
+    #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 3_600_000))]
     pub interval_ms: Option<u64>,
     /// The filter over the rooms: whether there is one, or how it weighs frames.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -102,7 +106,8 @@ pub struct Configure {
 }
 
 /// What happens to frames that come faster than they are answered.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Mode {
     /// One frame waits; a newer one takes its place before it is decoded.
@@ -115,7 +120,8 @@ pub enum Mode {
 }
 
 /// The filter of a stream.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(untagged)]
 pub enum FilterChoice {
     /// Whether there is one.
@@ -125,12 +131,13 @@ pub enum FilterChoice {
 }
 
 /// How the filter weighs frames.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(deny_unknown_fields)]
 pub struct FilterSettings {
     /// How much one frame counts, above 0 to 10: lower is steadier and later to notice a change of room. Streams
     /// that say nothing of the filter have the default.
-    #[schema(default = default_trust, exclusive_minimum = 0, maximum = 10)]
+    #[cfg_attr(feature = "schema", schema(default = default_trust, exclusive_minimum = 0, maximum = 10))]
     pub trust: f32,
 }
 
@@ -146,7 +153,8 @@ fn default_trust() -> f32 {
 }
 
 /// How a stream is configured.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct StreamSettings {
     /// Who streams.
     pub robot: Option<String>,
@@ -168,7 +176,8 @@ pub struct StreamSettings {
 }
 
 /// What the service sends, always as text.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(tag = "type", rename_all = "snake_case")]
 pub enum ServerMessage {
     /// The stream begins, or goes on.
@@ -202,7 +211,8 @@ pub enum ServerMessage {
 }
 
 /// The first message of a connection.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct Hello {
     /// `roomsight.v1`.
     pub protocol: String,
@@ -229,7 +239,8 @@ pub struct Hello {
 }
 
 /// What a stream is limited to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct StreamLimits {
     /// The longest message.
     pub max_frame_bytes: usize,
@@ -246,7 +257,8 @@ pub struct StreamLimits {
 }
 
 /// Which room a frame shows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct StreamResult {
     /// Which frame.
     pub seq: u64,
@@ -266,7 +278,8 @@ pub struct StreamResult {
 }
 
 /// Something about a stream that its robot's developer should know.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct Notice {
     /// Which, for programs.
     pub kind: NoticeKind,
@@ -275,7 +288,8 @@ pub struct Notice {
 }
 
 /// What a notice is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum NoticeKind {
     /// The frames' times of capture stand still, run backwards, are zero or leap by more than an hour: the filter
@@ -284,7 +298,8 @@ pub enum NoticeKind {
 }
 
 /// The filter's answer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct Filtered {
     /// The most probable room.
     pub room: String,
@@ -302,7 +317,8 @@ pub struct Filtered {
 }
 
 /// Why a frame was not looked at.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum DropReason {
     /// A newer frame took its place.
@@ -316,7 +332,8 @@ pub enum DropReason {
 }
 
 /// From a frame on, another model answers.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ModelChanged {
     /// What answered until now.
     pub from: ModelName,
@@ -333,7 +350,8 @@ pub struct ModelChanged {
 }
 
 /// What became of the filter when the model changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum FilterChange {
     /// The rooms are the same: it goes on.

@@ -6,18 +6,20 @@
 
 use super::{Datatype, ModelMetadata, TensorMetadata};
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "schema")]
 use utoipa::ToSchema;
 
 /// How a model is run.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ModelConfig {
     /// The model.
     pub name: String,
     /// What recognizes frames.
-    #[schema(example = "roomsight")]
+    #[cfg_attr(feature = "schema", schema(example = "roomsight"))]
     pub platform: String,
     /// The same, by its newer name.
-    #[schema(example = "roomsight")]
+    #[cfg_attr(feature = "schema", schema(example = "roomsight"))]
     pub backend: String,
     /// Which versions answer.
     pub version_policy: VersionPolicy,
@@ -30,29 +32,32 @@ pub struct ModelConfig {
     /// What works on it.
     pub instance_group: Vec<InstanceGroup>,
     /// The file that holds it.
-    #[schema(example = "model.safetensors")]
+    #[cfg_attr(feature = "schema", schema(example = "model.safetensors"))]
     pub default_model_filename: String,
     /// How requests and answers go together.
     pub model_transaction_policy: TransactionPolicy,
 }
 
 /// Which versions of a model answer.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct VersionPolicy {
     /// These.
     pub specific: SpecificVersions,
 }
 
 /// Versions by number.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct SpecificVersions {
     /// Those that can be asked for.
     pub versions: Vec<u64>,
 }
 
 /// A tensor of a model.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
-#[schema(example = json!({"name": "probabilities", "data_type": "TYPE_FP32", "dims": [-1, 9]}))]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
+#[cfg_attr(feature = "schema", schema(example = json!({"name": "probabilities", "data_type": "TYPE_FP32", "dims": [-1, 9]})))]
 pub struct TensorConfig {
     /// Its name.
     pub name: String,
@@ -63,7 +68,8 @@ pub struct TensorConfig {
 }
 
 /// What the elements of a tensor are, as configurations name it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub enum ConfigType {
     /// Bytes of any length.
     #[serde(rename = "TYPE_STRING")]
@@ -77,19 +83,21 @@ pub enum ConfigType {
 }
 
 /// Threads that recognize.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct InstanceGroup {
     /// Of which model. All models share the threads.
     pub name: String,
     /// `KIND_CPU`.
-    #[schema(example = "KIND_CPU")]
+    #[cfg_attr(feature = "schema", schema(example = "KIND_CPU"))]
     pub kind: String,
     /// How many there are.
     pub count: usize,
 }
 
 /// How requests and answers go together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct TransactionPolicy {
     /// False: each request has one answer.
     pub decoupled: bool,

@@ -4,12 +4,14 @@ use super::tensor::{ElementsError, Texts, elements};
 use super::{FRAME, OutputName};
 use crate::base64_text::{self, Base64Error};
 use crate::object::Object;
+#[cfg(feature = "schema")]
 use crate::rest::EXAMPLE_FRAME;
 use serde::de::{Error, IgnoredAny, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use std::borrow::Cow;
 use std::fmt;
 use std::marker::PhantomData;
+#[cfg(feature = "schema")]
 use utoipa::ToSchema;
 
 /// The most inputs, outputs or dimensions that are read.
@@ -40,12 +42,13 @@ pub struct AskedOutput {
 }
 
 /// A request as JSON. Parameters that are not known are passed over, as the protocol wants it.
-#[derive(Debug, Deserialize, ToSchema)]
-#[schema(example = json!({
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
+#[cfg_attr(feature = "schema", schema(example = json!({
     "id": "42",
     "inputs": [{"name": "frame", "datatype": "BYTES", "shape": [1], "data": [EXAMPLE_FRAME]}],
     "outputs": [{"name": "room"}, {"name": "probability"}]
-}))]
+})))]
 pub struct InferRequest<'a> {
     /// Sent back.
     id: Option<String>,
@@ -61,13 +64,14 @@ pub struct InferRequest<'a> {
 }
 
 /// What is asked besides the frames.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize, ToSchema)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct InferParameters {
     /// Who asks.
-    #[schema(example = "wall-e", max_length = 64)]
+    #[cfg_attr(feature = "schema", schema(example = "wall-e", max_length = 64))]
     pub robot: Option<String>,
     /// How long after the arrival of the request the frames may wait before they are looked at.
-    #[schema(example = 200)]
+    #[cfg_attr(feature = "schema", schema(example = 200))]
     pub deadline_ms: Option<u64>,
     /// The same in microseconds, as Triton's clients send it; 0: as long as it takes.
     timeout: Option<u64>,
@@ -77,13 +81,14 @@ pub struct InferParameters {
 }
 
 /// The tensor `frame`.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct InferInput<'a> {
     /// `frame`.
-    #[schema(example = "frame")]
+    #[cfg_attr(feature = "schema", schema(example = "frame"))]
     name: String,
     /// `BYTES`.
-    #[schema(example = "BYTES")]
+    #[cfg_attr(feature = "schema", schema(example = "BYTES"))]
     datatype: String,
     /// `[n]` or `[n, 1]` for n frames.
     #[serde(deserialize_with = "few")]
@@ -93,21 +98,23 @@ pub struct InferInput<'a> {
     parameters: Option<InputParameters>,
     /// The frames, where they do not: encoded images, in base64.
     #[serde(default, borrow)]
-    #[schema(value_type = Option<Vec<String>>)]
+    #[cfg_attr(feature = "schema", schema(value_type = Option<Vec<String>>))]
     data: Option<Texts<'a>>,
 }
 
 /// How a tensor comes.
-#[derive(Debug, Default, Deserialize, ToSchema)]
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct InputParameters {
     /// How many bytes behind the JSON are the tensor's.
     binary_data_size: Option<u64>,
-    #[schema(ignore)]
+    #[cfg_attr(feature = "schema", schema(ignore))]
     shared_memory_region: Option<IgnoredAny>,
 }
 
 /// A tensor that is wanted.
-#[derive(Debug, Deserialize, ToSchema)]
+#[derive(Debug, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct InferOutput {
     /// Which.
     name: OutputName,
@@ -117,13 +124,14 @@ pub struct InferOutput {
 }
 
 /// How a tensor is wanted.
-#[derive(Debug, Default, Deserialize, ToSchema)]
+#[derive(Debug, Default, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct OutputParameters {
     /// Whether as bytes behind the JSON; left out: as `binary_data_output` says.
     binary_data: Option<bool>,
-    #[schema(ignore)]
+    #[cfg_attr(feature = "schema", schema(ignore))]
     classification: Option<IgnoredAny>,
-    #[schema(ignore)]
+    #[cfg_attr(feature = "schema", schema(ignore))]
     shared_memory_region: Option<IgnoredAny>,
 }
 

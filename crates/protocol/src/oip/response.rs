@@ -5,14 +5,16 @@ use super::tensor::Values;
 use super::{Datatype, OutputName};
 use crate::rest::ModelName;
 use serde::{Deserialize, Serialize};
+#[cfg(feature = "schema")]
 use utoipa::ToSchema;
 
 /// Which rooms frames show.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
-#[schema(example = json!({
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
+#[cfg_attr(feature = "schema", schema(example = json!({
     "model_name": "lab", "model_version": "1", "id": "42",
     "outputs": [{"name": "room", "datatype": "BYTES", "shape": [1], "data": ["kitchen"]}]
-}))]
+})))]
 pub struct InferResponse {
     /// The model that answered.
     pub model_name: String,
@@ -29,7 +31,8 @@ pub struct InferResponse {
 }
 
 /// A tensor of an answer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct OutputTensor {
     /// Which.
     pub name: OutputName,
@@ -46,7 +49,8 @@ pub struct OutputTensor {
 }
 
 /// How many bytes behind the JSON are a tensor's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct BinarySize {
     /// So many.
     pub binary_data_size: usize,

@@ -6,17 +6,20 @@
 
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
+#[cfg(feature = "schema")]
 use utoipa::ToSchema;
 
 /// What models have done.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct StatisticsList {
     /// One entry for each version that can answer.
     pub model_stats: Vec<ModelStatistics>,
 }
 
 /// What one version of a model has done since the service started.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct ModelStatistics {
     /// The model.
     pub name: String,
@@ -35,7 +38,8 @@ pub struct ModelStatistics {
 }
 
 /// How long frames took, together.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct InferenceStatistics {
     /// Frames that were answered, from their arrival in the queue on.
     pub success: StepStatistics,
@@ -56,7 +60,8 @@ pub struct InferenceStatistics {
 }
 
 /// How often a step was done, and how long that took together.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct StepStatistics {
     /// How often.
     pub count: u64,
@@ -65,7 +70,8 @@ pub struct StepStatistics {
 }
 
 /// How long frames took that were looked at together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 pub struct BatchStatistics {
     /// How many at once.
     pub batch_size: u64,

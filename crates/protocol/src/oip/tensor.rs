@@ -5,13 +5,15 @@ use serde::de::{DeserializeSeed, Error, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 use std::borrow::Cow;
 use std::fmt;
+#[cfg(feature = "schema")]
 use utoipa::ToSchema;
 
 /// The most elements of a tensor in JSON.
 const MAX_ELEMENTS: usize = 4096;
 
 /// The values of an output, row by row.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, ToSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(ToSchema))]
 #[serde(untagged)]
 pub enum Values {
     /// Of the datatype BYTES.
