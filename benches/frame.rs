@@ -41,7 +41,7 @@ fn main() {
 struct Drive {
     jpegs: Vec<Vec<u8>>,
     images: Vec<Image>,
-    places: Vec<String>,
+    rooms: Vec<String>,
     camera: Camera,
 }
 
@@ -56,12 +56,12 @@ impl Drive {
         };
         let jpegs: Vec<Vec<u8>> = (0..simulation.n_frames()).map(encode).collect();
         let images: Vec<Image> = jpegs.iter().map(|jpeg| decode(jpeg)).collect();
-        let places = (0..images.len()).map(|frame_idx| simulation.place(frame_idx).to_owned()).collect();
+        let rooms = (0..images.len()).map(|frame_idx| simulation.place(frame_idx).to_owned()).collect();
         let projection = match kind {
             CameraKind::Perspective => Projection::Perspective,
             CameraKind::Omnidirectional => Projection::Omnidirectional(Mirror::estimate(&images).unwrap()),
         };
-        Self { jpegs, images, places, camera: Camera::new(projection) }
+        Self { jpegs, images, rooms, camera: Camera::new(projection) }
     }
 
     fn describe(&self, config: &Config) -> Vec<Features> {
@@ -80,7 +80,7 @@ struct Classification {
 }
 
 impl Classification {
-    fn train(features: &[Features], places: &[String], config: &Config) -> Self {
+    fn train(features: &[Features], rooms: &[String], config: &Config) -> Self {
         let Representation::Bag(vocabulary) = &config.machines().unwrap().representation else {
             panic!("no bag by default")
         };
@@ -90,10 +90,10 @@ impl Classification {
         let mut bags = Matrix::new(vocabulary.n_columns());
         frames.iter().for_each(|&frame| bags.push_row(&vocabulary.row(frame)));
 
-        let mut names = places.to_vec();
+        let mut names = rooms.to_vec();
         names.sort();
         names.dedup();
-        let labels: Vec<usize> = places.iter().map(|place| names.binary_search(place).unwrap()).collect();
+        let labels: Vec<usize> = rooms.iter().map(|room| names.binary_search(room).unwrap()).collect();
         let svm = LinearSvm::train(&bags, &labels, names.len(), &svm::Config::default()).unwrap();
         // Fitted on what the machines were trained on: good for nothing but its cost.
         let mut decisions = Matrix::new(svm.scheme().n_machines(names.len()));
@@ -106,7 +106,7 @@ impl Classification {
 fn measure(group: &mut BenchmarkGroup<WallTime>, drive: &Drive) {
     let config = Config::default();
     let features = drive.describe(&config);
-    let parts = Classification::train(&features, &drive.places, &config);
+    let parts = Classification::train(&features, &drive.rooms, &config);
     let view = drive.camera.view(drive.images[0].width(), drive.images[0].height());
     let bags: Vec<&[f32]> = parts.bags.rows().collect();
 
@@ -127,15 +127,15 @@ fn measure(group: &mut BenchmarkGroup<WallTime>, drive: &Drive) {
 }
 
 fn train_model(drive: &Drive, features: Vec<Features>, config: &Config) -> Model {
-    let sample = |(features, place): (Features, &String)| Sample {
-        place: place.clone(),
+    let sample = |(features, room): (Features, &String)| Sample {
+        room: room.clone(),
         sequence: String::new(),
         name: String::new(),
         pose: None,
         picture: None,
         features,
     };
-    let samples: Vec<Sample> = features.into_iter().zip(&drive.places).map(sample).collect();
+    let samples: Vec<Sample> = features.into_iter().zip(&drive.rooms).map(sample).collect();
     let samples: Vec<&Sample> = samples.iter().collect();
     Model::train(&samples, config, drive.camera.clone(), |_| ()).unwrap().model
 }

@@ -41,13 +41,13 @@ fn main() {
     times.sort_by(f64::total_cmp);
     println!("one frame against {N_COMPARED}, median of {N_ROUNDS}: {:.1} ms", times[times.len() / 2]);
 
-    let mut places: Vec<&str> = samples.iter().map(|sample| sample.place.as_str()).collect();
-    places.sort_unstable();
-    places.dedup();
-    let label = |sample: &&Sample| places.binary_search(&sample.place.as_str()).unwrap();
+    let mut rooms: Vec<&str> = samples.iter().map(|sample| sample.room.as_str()).collect();
+    rooms.sort_unstable();
+    rooms.dedup();
+    let label = |sample: &&Sample| rooms.binary_search(&sample.room.as_str()).unwrap();
     let labels: Vec<usize> = samples.iter().map(label).collect();
     let start = Instant::now();
-    black_box(MatchSvm::train(&frames, &labels, places.len(), &matching).unwrap());
+    black_box(MatchSvm::train(&frames, &labels, rooms.len(), &matching).unwrap());
     println!("training on {N_FRAMES} frames: {:.1} s", start.elapsed().as_secs_f64());
     let start = Instant::now();
     black_box(Model::train(&samples, &config, camera, |_| ()).unwrap());
@@ -67,7 +67,7 @@ fn described(config: &Config) -> (Vec<Sample>, Camera) {
     let camera = Camera::new(Projection::Omnidirectional(Mirror::estimate(&spread).unwrap()));
     let extractor = Extractor::new(config, camera.clone());
     let sample = |scratch: &mut Scratch, (frame_idx, image): (usize, &Image)| Sample {
-        place: simulation.place(frame_idx).to_owned(),
+        room: simulation.place(frame_idx).to_owned(),
         sequence: "drive".to_owned(),
         name: String::new(),
         pose: None,

@@ -49,7 +49,7 @@ impl World {
 fn remembered(world: &mut World) -> Memory {
     let frames: Vec<Matrix> = (0..N_FRAMES).map(|_| world.frame()).collect();
     let prepared = Prepared::new(&frames.iter().collect::<Vec<_>>(), &Config::default(), 1).unwrap();
-    let origin = |frame_idx| Origin { place_idx: frame_idx % N_PLACES, frame_idx };
+    let origin = |frame_idx| Origin { room_idx: frame_idx % N_PLACES, frame_idx };
     let chosen: Vec<(usize, Origin)> =
         (0..N_FRAMES).map(|frame_idx| (frame_idx, origin(frame_idx))).collect();
     prepared.memory(&chosen, N_PLACES)

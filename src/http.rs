@@ -3,7 +3,7 @@
 //! | file | what |
 //! |---|---|
 //! | `connection` | connections: how many, how long, and how they end |
-//! | `places`, `linger` | which connection gives way; reading on after an early answer |
+//! | `seats`, `linger` | which connection gives way; reading on after an early answer |
 //! | `observe` | around every request: its id, its log line, its error in one form |
 //! | `auth`, `cors` | keys and pages of other sites, checked before a byte of the body is read |
 //! | `caller` | who calls, as a request tells it |
@@ -29,12 +29,12 @@ mod cors;
 mod linger;
 mod observe;
 mod openapi;
-mod places;
 mod problem;
 mod query;
 mod refusals;
 mod reload;
 mod routes;
+mod seats;
 mod tls;
 mod trace;
 

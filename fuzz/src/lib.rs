@@ -77,7 +77,7 @@ fn check_answer(model: &Model) {
     let pixels = (0..96 * 72).map(|idx| (idx * idx % 251) as u8).collect();
     let frame = Image::from_pixels(96, 72, pixels).expect("as many pixels as there are");
     let answer = model.recognize(&frame, &mut Scratch::default());
-    assert_eq!(answer.probabilities.len(), model.places().len());
+    assert_eq!(answer.probabilities.len(), model.rooms().len());
     assert!(answer.probabilities.iter().all(|share| (0.0..=1.0).contains(share)), "{answer:?}");
     assert!((answer.probabilities.iter().sum::<f32>() - 1.0).abs() < 1e-3, "{answer:?}");
 }
@@ -90,8 +90,8 @@ pub fn archive(bytes: &[u8]) {
 }
 
 fn check_upload(body: &[u8]) {
-    let place = TempDir::new().expect("a temporary folder");
-    let (file, into) = (place.path().join("body"), place.path().join("into"));
+    let room = TempDir::new().expect("a temporary folder");
+    let (file, into) = (room.path().join("body"), room.path().join("into"));
     fs::write(&file, body).expect("room for a small file");
     fs::create_dir(&into).expect("room for a folder");
     let limits = package::Limits {
@@ -102,7 +102,7 @@ fn check_upload(body: &[u8]) {
         max_side_file_bytes: 1 << 18,
     };
     let unpacked = package::unpack(&file, &into, &limits);
-    assert_eq!(names(place.path()), ["body", "into"]);
+    assert_eq!(names(room.path()), ["body", "into"]);
     for name in names(&into) {
         let parts = [model::MODEL_FILE, model::ABOUT_FILE, model::GOLDEN_FOLDER, model::NETWORKS_FOLDER];
         assert!(parts.contains(&&*name), "{name}");
@@ -211,8 +211,8 @@ pub fn oip(bytes: &[u8]) {
 /// A manifest, and the labels of a sequence of COLD. Every frame lies in the data set.
 pub fn lists(bytes: &[u8]) {
     let [manifest, labels] = parts(bytes);
-    let place = TempDir::new().expect("a temporary folder");
-    let [listed, cold] = ["listed", "cold/seq1_cloudy1"].map(|name| place.path().join(name));
+    let room = TempDir::new().expect("a temporary folder");
+    let [listed, cold] = ["listed", "cold/seq1_cloudy1"].map(|name| room.path().join(name));
     let pictures = [listed.join("a"), cold.join("std_cam"), cold.join("localization")];
     for folder in &pictures {
         fs::create_dir_all(folder).expect("room for a folder");
@@ -222,13 +222,13 @@ pub fn lists(bytes: &[u8]) {
     }
     fs::write(listed.join("frames.csv"), manifest).expect("room for a small file");
     fs::write(cold.join("localization/places.lst"), labels).expect("room for a small file");
-    for set in [listed, place.path().join("cold")] {
+    for set in [listed, room.path().join("cold")] {
         let Ok(dataset) = dataset::open(&set) else { continue };
         let root = fs::canonicalize(&set).expect("a folder of ours");
         for frame in &dataset.frames {
             let path = fs::canonicalize(&frame.path).expect("only files that are there are listed");
             assert!(path.starts_with(&root), "{}", path.display());
-            assert!(!frame.place.is_empty());
+            assert!(!frame.room.is_empty());
         }
     }
 }
@@ -250,8 +250,8 @@ pub fn networks(bytes: &[u8]) {
             assert_eq!((network.onnx(), &network.description().digest), (onnx, &digest));
         }
     }
-    let place = TempDir::new().expect("a temporary folder");
-    let file = place.path().join("network.onnx");
+    let room = TempDir::new().expect("a temporary folder");
+    let file = room.path().join("network.onnx");
     fs::write(&file, onnx).expect("room for a small file");
     if let Err(NetworkError::NoDescription { text, .. }) = Network::open(&file) {
         assert!(text.parse::<toml::Table>().is_ok(), "{text}");

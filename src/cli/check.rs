@@ -112,7 +112,7 @@ fn doubted(examined: &Examined, candidates: &[Candidate]) -> Result<Vec<Finding>
 fn n_by_room(described: &Described) -> BTreeMap<String, usize> {
     let mut n_by_room = BTreeMap::new();
     for sample in &described.samples {
-        *n_by_room.entry(sample.place.clone()).or_default() += 1;
+        *n_by_room.entry(sample.room.clone()).or_default() += 1;
     }
     n_by_room
 }

@@ -104,7 +104,7 @@ impl DataArgs {
     /// Opens the data set, takes the frames asked for, and reports what is wrong with the rest. For a model
     /// that is there already, its rooms are known, and its camera is taken where none is asked for.
     pub(super) fn open(&self, model: Option<&Model>) -> anyhow::Result<Dataset> {
-        let mut dataset = dataset::open_for(&self.data, model.map_or(&[], Model::places))?;
+        let mut dataset = dataset::open_for(&self.data, model.map_or(&[], Model::rooms))?;
         report_all(&dataset);
         let model_camera = model.map(|model| model.camera().projection.kind());
         if let Some(camera) = self.camera.map(CameraKind::from).or(model_camera) {
@@ -281,9 +281,9 @@ fn some(described: Described, dataset: &Dataset) -> anyhow::Result<Described> {
     if described.samples.is_empty() {
         bail!("none of the {} frames can be used; why is told above", dataset.frames.len());
     }
-    let usable: BTreeSet<&str> = described.samples.iter().map(|sample| sample.place.as_str()).collect();
-    for place in dataset.places().iter().filter(|place| !usable.contains(place.as_str())) {
-        note!("left out: the room {place}: none of its frames can be used");
+    let usable: BTreeSet<&str> = described.samples.iter().map(|sample| sample.room.as_str()).collect();
+    for room in dataset.rooms().iter().filter(|room| !usable.contains(room.as_str())) {
+        note!("left out: the room {room}: none of its frames can be used");
     }
     Ok(described)
 }

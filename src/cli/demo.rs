@@ -177,7 +177,7 @@ async fn drive(url: &str, frames: &[Frame]) -> anyhow::Result<()> {
     let client = roomsight_client::http(PATIENCE).build()?;
     let mut pace = interval(PACE);
     pace.set_missed_tick_behavior(MissedTickBehavior::Delay);
-    let width = frames.iter().map(|frame| frame.place.len()).max().unwrap_or(0);
+    let width = frames.iter().map(|frame| frame.room.len()).max().unwrap_or(0);
     say!("frame  {:width$}  {:width$}  probability  known        ms", "is in", "is told")?;
     let mut latencies = Vec::new();
     let mut n_correct = 0;
@@ -188,13 +188,13 @@ async fn drive(url: &str, frames: &[Frame]) -> anyhow::Result<()> {
         let answer = post(&client, &url, bytes).await?;
         let latency_ms = posted.elapsed().as_secs_f64() * 1000.0;
         latencies.push(latency_ms);
-        let is_correct = answer.room == frame.place;
+        let is_correct = answer.room == frame.room;
         n_correct += usize::from(is_correct);
         let Answer { room, known, probability } = answer;
         let (known, remark) = (if known { "yes" } else { "no" }, if is_correct { "" } else { "  wrong" });
         say!(
             "{frame_idx:5}  {:width$}  {room:width$}  {probability:11.2}  {known:5}  {latency_ms:8.1}{remark}",
-            frame.place
+            frame.room
         )?;
     }
     latencies.sort_by(f64::total_cmp);

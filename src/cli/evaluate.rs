@@ -103,16 +103,16 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     let is_learned = |sample: &&Sample| sample.picture.is_some_and(|picture| learned.contains(&picture));
     let n_learned = described.samples.iter().filter(is_learned).count();
     let by_sequence = by_sequence(&described, &answers).into_iter();
-    let known: BTreeSet<&String> = model.places().iter().collect();
+    let known: BTreeSet<&String> = model.rooms().iter().collect();
     let report = Report {
         model: args.model.clone(),
         simulated: data::is_simulated(&args.data.data),
         n_of_unknown_rooms: described
             .samples
             .iter()
-            .filter(|sample| !sample.is_elsewhere() && !known.contains(&sample.place))
+            .filter(|sample| !sample.is_elsewhere() && !known.contains(&sample.room))
             .count(),
-        unknown_rooms: dataset.places().into_iter().filter(|place| !known.contains(place)).collect(),
+        unknown_rooms: dataset.rooms().into_iter().filter(|room| !known.contains(room)).collect(),
         n_learned,
         evaluation: evaluate(&answers),
         knowledge: validate::knowledge(&described, &answers),

@@ -40,7 +40,7 @@ pub(super) fn run(args: &ForgetArgs) -> anyhow::Result<()> {
     say!(
         "{} knows {} rooms from {} frames. Try it:",
         args.output.display(),
-        model.places().len(),
+        model.rooms().len(),
         model.card().n_frames
     )?;
     say!("  {} recognize {} FRAME.jpg", output::program(), output::quoted(&args.output))?;

@@ -53,7 +53,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     let card = model.card();
     if json {
         let about = serde_json::json!({
-            "digest": digest, "places": model.places(), "camera": model.camera().projection,
+            "digest": digest, "places": model.rooms(), "camera": model.camera().projection,
             "opinions": model.sizes(), "weights": model.weights(), "known_probability": model.known_probability(),
             "networks": model.network_entries(), "card": card, "config": model.config(),
         });
@@ -64,7 +64,7 @@ fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow
     let mut add = |name: &str, value: String| {
         table.add_row([name.to_owned(), value]);
     };
-    add("rooms", model.places().join(", "));
+    add("rooms", model.rooms().join(", "));
     add("camera", camera_text(&model.camera().projection));
     output::card_rows(card).into_iter().for_each(|(name, value)| add(name, value));
     let known_probability = model.known_probability().map(|least| format!("{least:.2}"));

@@ -13,7 +13,7 @@ use std::path::Path;
 use terminal_size::terminal_size;
 
 /// The most rooms whose confusion matrix is read as one.
-const MAX_CONFUSION_PLACES: usize = 10;
+const MAX_CONFUSION_ROOMS: usize = 10;
 
 /// Letters of a room's name above a confusion matrix that is too wide otherwise.
 const SHORT_NAME: usize = 6;
@@ -172,17 +172,17 @@ pub fn card_rows(card: &Card) -> Vec<(&'static str, String)> {
 pub fn print_evaluation(evaluation: &Evaluation) -> io::Result<()> {
     let fits =
         |table: &Table| width().is_none_or(|width| table.lines().all(|line| line.chars().count() <= width));
-    let is_small = evaluation.places.len() <= MAX_CONFUSION_PLACES;
+    let is_small = evaluation.rooms.len() <= MAX_CONFUSION_ROOMS;
     let lengths = [usize::MAX, SHORT_NAME].into_iter().filter(|_| is_small);
     let matrix = lengths.map(|length| confusion(evaluation, length)).find(fits);
     if let Some(matrix) = matrix {
         say!("{matrix}")?;
     } else {
-        let mut by_place = table(["room", "frames", "rate"]);
-        for (place, place_rate) in evaluation.places.iter().zip(&evaluation.by_place) {
-            by_place.add_row([place.clone(), place_rate.n_frames.to_string(), rate(place_rate)]);
+        let mut by_room = table(["room", "frames", "rate"]);
+        for (room, room_rate) in evaluation.rooms.iter().zip(&evaluation.by_room) {
+            by_room.add_row([room.clone(), room_rate.n_frames.to_string(), rate(room_rate)]);
         }
-        say!("{by_place}")?;
+        say!("{by_room}")?;
         print_worst_pairs(evaluation)?;
     }
     let mut rates = table(["", "correct", "frames", "rate"]);
@@ -195,7 +195,7 @@ pub fn print_evaluation(evaluation: &Evaluation) -> io::Result<()> {
         add("farther from borders", &evaluation.without_border);
     }
     say!("{rates}")?;
-    if let Some(mean) = evaluation.mean_by_place {
+    if let Some(mean) = evaluation.mean_by_room {
         say!("Mean over rooms: {mean:.4}")?;
     }
     Ok(())
@@ -204,14 +204,14 @@ pub fn print_evaluation(evaluation: &Evaluation) -> io::Result<()> {
 /// The confusion matrix, with names of rooms above it of at most so many letters.
 fn confusion(evaluation: &Evaluation, length: usize) -> Table {
     let mut header = vec!["shown \\ answered".to_owned()];
-    header.extend(evaluation.places.iter().map(|place| shortened(place, length)));
+    header.extend(evaluation.rooms.iter().map(|room| shortened(room, length)));
     header.push("rate".to_owned());
     let mut confusion = table(header);
     confusion.set_content_arrangement(ContentArrangement::Disabled);
-    for (idx, (place, counts)) in evaluation.places.iter().zip(&evaluation.confusion).enumerate() {
-        let mut row = vec![place.clone()];
+    for (idx, (room, counts)) in evaluation.rooms.iter().zip(&evaluation.confusion).enumerate() {
+        let mut row = vec![room.clone()];
         row.extend(counts.iter().map(|&count| if count == 0 { "-".to_owned() } else { count.to_string() }));
-        row.push(rate(&evaluation.by_place[idx]));
+        row.push(rate(&evaluation.by_room[idx]));
         confusion.add_row(row);
     }
     confusion
@@ -227,8 +227,8 @@ fn shortened(name: &str, length: usize) -> String {
 
 fn print_worst_pairs(evaluation: &Evaluation) -> io::Result<()> {
     let mut pairs = Vec::new();
-    for (shown, counts) in evaluation.places.iter().zip(&evaluation.confusion) {
-        for (answered, &n_frames) in evaluation.places.iter().zip(counts) {
+    for (shown, counts) in evaluation.rooms.iter().zip(&evaluation.confusion) {
+        for (answered, &n_frames) in evaluation.rooms.iter().zip(counts) {
             if shown != answered && n_frames > 0 {
                 pairs.push((n_frames, shown, answered));
             }

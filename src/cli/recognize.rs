@@ -152,7 +152,7 @@ fn nearest(model: &Model, features: &Features) -> Vec<NearestFrame> {
         opinion: near.opinion,
         frame: near.name,
         drive: near.drive,
-        room: model.places()[near.place_idx].clone(),
+        room: model.rooms()[near.room_idx].clone(),
         nearness: near.nearness,
         points: near.points,
     };
@@ -160,13 +160,13 @@ fn nearest(model: &Model, features: &Features) -> Vec<NearestFrame> {
 }
 
 fn line<'a>(model: &'a Model, frame: &'a Path, recognition: &Recognition, top: usize) -> Line<'a> {
-    let rooms = model.places().iter().map(String::as_str);
+    let rooms = model.rooms().iter().map(String::as_str);
     let mut probabilities: Vec<(&str, f32)> = rooms.zip(recognition.probabilities.iter().copied()).collect();
     probabilities.sort_by(|a, b| b.1.total_cmp(&a.1));
     probabilities.truncate(top);
     Line {
         frame,
-        room: &model.places()[recognition.place_idx],
+        room: &model.rooms()[recognition.room_idx],
         probability: recognition.probability(),
         known: recognition.known,
         unknown: recognition.unknown,

@@ -151,10 +151,10 @@ enum Way {
 
 async fn play(args: &ReplayArgs, dataset: Dataset, track: &Track) -> anyhow::Result<(Report, Tally)> {
     let client = args.service.client(&args.url)?;
-    let places = dataset.places();
+    let rooms = dataset.rooms();
     // Connected before the clock runs.
     let way = connect(args, client.clone()).await.with_context(|| format!("cannot play to {}", args.url))?;
-    let setting = setting(args, &way, &places).await;
+    let setting = setting(args, &way, &rooms).await;
     let drive = Arc::new(Drive {
         frames: Arc::new(tokio::task::spawn_blocking(|| Frames::load(dataset.frames)).await?),
         tally: Mutex::new(Tally::new()?),
@@ -220,8 +220,8 @@ fn robot_name(robot_idx: usize) -> String {
 }
 
 /// What the report says of the conditions.
-async fn setting(args: &ReplayArgs, way: &Way, places: &[String]) -> Setting {
-    let (model, rooms, mode) = match way {
+async fn setting(args: &ReplayArgs, way: &Way, rooms: &[String]) -> Setting {
+    let (model, rooms_of_model, mode) = match way {
         Way::Stream(streams) => {
             let hello = streams.first().map(Stream::hello);
             let model = hello.map(|hello| (hello.model.name.clone(), hello.model.version));
@@ -236,8 +236,8 @@ async fn setting(args: &ReplayArgs, way: &Way, places: &[String]) -> Setting {
             (model, rooms, None)
         }
     };
-    let known: Option<BTreeSet<String>> = rooms.map(|rooms| rooms.into_iter().collect());
-    let is_unknown = |place: &&String| known.as_ref().is_some_and(|known| !known.contains(*place));
+    let known: Option<BTreeSet<String>> = rooms_of_model.map(|rooms| rooms.into_iter().collect());
+    let is_unknown = |room: &&String| known.as_ref().is_some_and(|known| !known.contains(*room));
     let (transport, rate) = (args.transport, args.rate);
     Setting {
         url: args.url.clone(),
@@ -252,7 +252,7 @@ async fn setting(args: &ReplayArgs, way: &Way, places: &[String]) -> Setting {
         robots: args.robots,
         mode,
         model: model.map(|(name, version)| format!("{name}/{version}")),
-        unknown_rooms: places.iter().filter(is_unknown).cloned().collect(),
+        unknown_rooms: rooms.iter().filter(is_unknown).cloned().collect(),
     }
 }
 

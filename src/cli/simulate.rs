@@ -86,13 +86,13 @@ pub(super) fn run(args: &SimulateArgs) -> anyhow::Result<()> {
 fn print_table(summaries: &[SequenceSummary]) -> io::Result<()> {
     let mut table = output::table(["simulated sequence", "frames", "places", ""]);
     for summary in summaries {
-        let place = |(place, n_frames): (&String, &usize)| format!("{place} {n_frames}");
-        let places: Vec<String> = summary.n_frames_by_place.iter().map(place).collect();
+        let room = |(room, n_frames): (&String, &usize)| format!("{room} {n_frames}");
+        let rooms: Vec<String> = summary.n_frames_by_room.iter().map(room).collect();
         let note = if summary.was_kept { "kept" } else { "written" };
         table.add_row([
             summary.folder.display().to_string(),
             summary.n_frames.to_string(),
-            places.join(", "),
+            rooms.join(", "),
             note.to_owned(),
         ]);
     }

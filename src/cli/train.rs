@@ -141,7 +141,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let answers: Vec<Answered> = held_out.iter().map(|held_out| answered(model, held_out)).collect();
     let evaluation = validate::evaluate(dataset, described, &answers);
     let of_rooms = || described.samples.iter().filter(|sample| !sample.is_elsewhere());
-    let taken: Vec<_> = of_rooms().map(|sample| (sample.place.as_str(), sample.sequence.as_str())).collect();
+    let taken: Vec<_> = of_rooms().map(|sample| (sample.room.as_str(), sample.sequence.as_str())).collect();
     let knowledge = validate::knowledge(described, &answers);
     // It takes about half as long as the training, and advises nobody whose rooms are told apart.
     let is_wanted = args.add.is_none() && evaluation.overall.rate.is_some_and(|rate| rate < WORTH_ADVICE);
@@ -158,7 +158,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let transitions = match &args.add {
         // Those of the first training stay: what was seen then is not there to be counted again.
         Some(_) => model.transitions().clone(),
-        None => dataset.transitions(model.places()),
+        None => dataset.transitions(model.rooms()),
     };
     let model = model.clone().with_card(card.clone()).with_transitions(transitions);
     let golden = if args.no_golden_frames {
@@ -333,7 +333,7 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
 fn add_to(folder: &Path, args: &TrainArgs) -> anyhow::Result<Trained> {
     let model = data::load_model(folder)?.model;
     let dataset = args.data.open(Some(&model))?;
-    dataset.check_names(model.places())?;
+    dataset.check_names(model.rooms())?;
     model.check_addition(sequences(&dataset))?;
     let extractor = Extractor::new(model.config(), model.camera().clone());
     let described = data::describe_to_train(&dataset, &extractor, &args.limits.limits())?;
@@ -380,7 +380,7 @@ fn sequences(dataset: &Dataset) -> BTreeSet<&str> {
 
 fn answered(model: &Model, held_out: &HeldOut) -> Answered {
     let HeldOut { sample_idx, recognition } = held_out.clone();
-    Answered { sample_idx, place: model.places()[recognition.place_idx].clone(), recognition, is_new: false }
+    Answered { sample_idx, room: model.rooms()[recognition.room_idx].clone(), recognition, is_new: false }
 }
 
 /// The card as training left it, completed by what the command knows.

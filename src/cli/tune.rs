@@ -75,7 +75,8 @@ struct Tried {
     /// Over the seeds.
     rate: Option<Summary>,
     /// Over the seeds, of the mean of the rooms' rates.
-    mean_by_place: Option<Summary>,
+    #[serde(rename = "mean_by_place")]
+    mean_by_room: Option<Summary>,
     /// Why it cannot be trained, if so.
     impossible: Option<String>,
     /// Whether it is what was written.
@@ -255,16 +256,16 @@ impl Tuner<'_> {
             };
             let evaluation = validate::evaluate(self.dataset, described, &answers);
             rates.extend(evaluation.overall.rate);
-            means.extend(evaluation.mean_by_place);
+            means.extend(evaluation.mean_by_room);
         }
-        let (rate, mean_by_place) = (Summary::of(&rates), Summary::of(&means));
-        Ok(Tried { trial, rate, mean_by_place, impossible: None, taken: false })
+        let (rate, mean_by_room) = (Summary::of(&rates), Summary::of(&means));
+        Ok(Tried { trial, rate, mean_by_room, impossible: None, taken: false })
     }
 }
 
 impl Tried {
     fn impossible(trial: Trial, error: &TrainError) -> Self {
-        Self { trial, rate: None, mean_by_place: None, impossible: Some(error.to_string()), taken: false }
+        Self { trial, rate: None, mean_by_room: None, impossible: Some(error.to_string()), taken: false }
     }
 }
 
@@ -316,7 +317,7 @@ fn print(tried: &[Tried], choices: &[Choice], output: &Path) -> anyhow::Result<(
             tried.trial.name(),
             digits(tried.rate.map(|rate| rate.mean)),
             digits(tried.rate.and_then(|rate| rate.std)),
-            digits(tried.mean_by_place.map(|rate| rate.mean)),
+            digits(tried.mean_by_room.map(|rate| rate.mean)),
         ]);
     }
     say!("{table}")?;
@@ -358,7 +359,7 @@ mod tests {
             let parameters: Vec<String> = parameters.split(' ').map(str::to_owned).collect();
             let trial = Trial { candidate: None, config: args.with(&base, &parameters).unwrap(), parameters };
             let rate = rate.and_then(|rate| Summary::of(&[rate]));
-            Tried { trial, rate, mean_by_place: None, impossible: None, taken: false }
+            Tried { trial, rate, mean_by_room: None, impossible: None, taken: false }
         };
         trials.iter().map(of).collect()
     }

@@ -93,7 +93,8 @@ struct Report {
     /// Over the seeds, of the rates of all frames.
     rate: Option<Summary>,
     /// Over the seeds, of the mean of the rooms' rates.
-    mean_by_place: Option<Summary>,
+    #[serde(rename = "mean_by_place")]
+    mean_by_room: Option<Summary>,
     /// Over the seeds, away from room borders.
     without_border: Option<Summary>,
     /// What answering a frame takes, where that was measured.
@@ -153,11 +154,11 @@ impl ValidateArgs {
 
     /// The rooms that this seed's models are trained without.
     fn left_out_rooms(&self, training: &Dataset, seed: u64) -> anyhow::Result<BTreeSet<String>> {
-        let places: BTreeSet<String> = training.places().into_iter().collect();
-        if self.without_rooms > 0 && places.len() < self.without_rooms + 2 {
-            bail!("--without-rooms {}: of {} rooms, two must be left", self.without_rooms, places.len());
+        let rooms: BTreeSet<String> = training.rooms().into_iter().collect();
+        if self.without_rooms > 0 && rooms.len() < self.without_rooms + 2 {
+            bail!("--without-rooms {}: of {} rooms, two must be left", self.without_rooms, rooms.len());
         }
-        Ok(validate::left_out_rooms(&places, self.without_rooms, seed))
+        Ok(validate::left_out_rooms(&rooms, self.without_rooms, seed))
     }
 }
 
@@ -256,7 +257,7 @@ fn by_given_split(
                 .collect(),
             None => samples.clone(),
         };
-        drawn.retain(|sample| !left_out.contains(&sample.place));
+        drawn.retain(|sample| !left_out.contains(&sample.room));
         let models = method.train(&drawn, (&config, &camera))?;
         for (test, reports) in tests.iter().zip(&mut by_test) {
             for Trained { team_idx, model, choice } in &models {
@@ -301,7 +302,7 @@ impl Report {
             simulated,
             opinions,
             rate: None,
-            mean_by_place: None,
+            mean_by_room: None,
             without_border: None,
             cost: None,
             preferred: BTreeMap::new(),
@@ -319,7 +320,7 @@ impl Report {
         answers: &[Answered],
         left_out: &BTreeSet<String>,
     ) {
-        let is_trained = |answer: &&Answered| !left_out.contains(&described.samples[answer.sample_idx].place);
+        let is_trained = |answer: &&Answered| !left_out.contains(&described.samples[answer.sample_idx].room);
         let of_trained: Vec<Answered> = answers.iter().filter(is_trained).cloned().collect();
         self.evaluations.push(validate::evaluate(dataset, described, &of_trained));
         self.knowledge.push(validate::knowledge(described, answers));
@@ -332,7 +333,7 @@ impl Report {
         };
         Self {
             rate: summary(|evaluation| evaluation.overall.rate),
-            mean_by_place: summary(|evaluation| evaluation.mean_by_place),
+            mean_by_room: summary(|evaluation| evaluation.mean_by_room),
             without_border: summary(|evaluation| evaluation.without_border.rate),
             ..self
         }
@@ -389,7 +390,7 @@ fn print(reports: &[Report]) -> io::Result<()> {
             digits(report.rate.map(|rate| rate.mean)),
             digits(report.rate.and_then(|rate| rate.std)),
             digits(report.rate.map(|rate| rate.best)),
-            digits(report.mean_by_place.map(|rate| rate.mean)),
+            digits(report.mean_by_room.map(|rate| rate.mean)),
             digits(report.without_border.map(|rate| rate.mean)),
         ];
         if let Some(cost) = &report.cost {

@@ -11,16 +11,16 @@ use roomsight_recognition::model::{self, Evidence, NearFrame, Pose, PoseEstimate
 /// What a caller reads of what was seen.
 pub fn answer(seen: Seen, query: &RecognizeQuery, request_id: &str) -> Answer {
     let served = &seen.served;
-    let places = served.model.places();
+    let rooms = served.model.rooms();
     let recognition = &seen.recognition;
-    let Why { evidence, nearest, pose } = seen.why.map_or_else(Why::default, |why| Why::of(why, places));
+    let Why { evidence, nearest, pose } = seen.why.map_or_else(Why::default, |why| Why::of(why, rooms));
     Answer {
-        room: places[recognition.place_idx].clone(),
+        room: rooms[recognition.room_idx].clone(),
         known: recognition.known,
         unknown: recognition.unknown.map(unknown),
         novelty: recognition.novelty,
-        probability: recognition.probabilities[recognition.place_idx],
-        probabilities: rooms(places, &recognition.probabilities, query.top),
+        probability: recognition.probabilities[recognition.room_idx],
+        probabilities: by_probability(rooms, &recognition.probabilities, query.top),
         model: ModelName::from(&**served),
         keypoints: recognition.n_keypoints,
         damaged_rows: seen.damaged_rows,
@@ -43,9 +43,9 @@ struct Why {
 }
 
 impl Why {
-    fn of(Reasons { evidence, nearest, pose }: Reasons, places: &[String]) -> Self {
-        let near = |NearFrame { opinion, name, drive, place_idx, nearness, points, .. }: NearFrame| {
-            NearestFrame { opinion, frame: name, drive, room: places[place_idx].clone(), nearness, points }
+    fn of(Reasons { evidence, nearest, pose }: Reasons, rooms: &[String]) -> Self {
+        let near = |NearFrame { opinion, name, drive, room_idx, nearness, points, .. }: NearFrame| {
+            NearestFrame { opinion, frame: name, drive, room: rooms[room_idx].clone(), nearness, points }
         };
         let posed = |PoseEstimate { pose: Pose { x, y, angle }, radius }| FramePose { x, y, angle, radius };
         Self {
@@ -67,11 +67,11 @@ fn unknown(why: model::Unknown) -> Unknown {
 }
 
 /// The `top` most probable rooms, or all, the most probable first.
-pub fn rooms(places: &[String], probabilities: &[f32], top: Option<usize>) -> Vec<RoomProbability> {
+pub fn by_probability(rooms: &[String], probabilities: &[f32], top: Option<usize>) -> Vec<RoomProbability> {
     let mut order: Vec<usize> = (0..probabilities.len()).collect();
     order.sort_by(|&a, &b| probabilities[b].total_cmp(&probabilities[a]));
     order.truncate(top.unwrap_or(usize::MAX));
-    let room = |idx: usize| RoomProbability { room: places[idx].clone(), probability: probabilities[idx] };
+    let room = |idx: usize| RoomProbability { room: rooms[idx].clone(), probability: probabilities[idx] };
     order.into_iter().map(room).collect()
 }
 

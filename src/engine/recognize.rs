@@ -4,7 +4,7 @@ use crate::engine::Engine;
 use crate::engine::frame::Frame;
 use crate::engine::metrics::{FrameOutcome, Transport};
 use crate::engine::pool::{Panicked, QueueFull, Slot, Undone};
-use crate::engine::registry::{Place, ServedModel, distance};
+use crate::engine::registry::{ServedModel, ShadowPermit, distance};
 use crate::engine::timings::Timings;
 use crate::problem::{Kind, Problem};
 use roomsight_recognition::model::{Evidence, NearFrame, PoseEstimate, Recognition, Scratch};
@@ -47,7 +47,7 @@ pub struct Seen {
 impl Seen {
     /// The most probable room.
     pub fn room(&self) -> &str {
-        &self.served.model.places()[self.recognition.place_idx]
+        &self.served.model.rooms()[self.recognition.room_idx]
     }
 }
 
@@ -217,20 +217,20 @@ pub fn look(
     }
     let mut seen = see(task.served, task.explain, &image);
     seen.timings.decode = decode_time;
-    if let Some(place) = engine.registry.place_in_shadow(&seen.served) {
+    if let Some(permit) = engine.registry.permit_in_shadow(&seen.served) {
         let (served, recognition) = (seen.served.clone(), seen.recognition.clone());
-        engine.pool.queue_shadow(move || compare(place, &image, (&served, &recognition)));
+        engine.pool.queue_shadow(move || compare(permit, &image, (&served, &recognition)));
     }
     Ok(seen)
 }
 
 /// Lets a shadow see a frame that was recognized, and notes whether it agrees.
-fn compare(place: Place, image: &Image, (served, recognition): (&Arc<ServedModel>, &Recognition)) {
-    let shadow = place.shadow().served.clone();
+fn compare(permit: ShadowPermit, image: &Image, (served, recognition): (&Arc<ServedModel>, &Recognition)) {
+    let shadow = permit.shadow().served.clone();
     let other = see(shadow.clone(), false, image).recognition;
-    let (rooms, other_rooms) = (served.model.places(), shadow.model.places());
-    let agrees = rooms[recognition.place_idx] == other_rooms[other.place_idx];
-    place.compared(agrees, distance((rooms, recognition), (other_rooms, &other)));
+    let (rooms, other_rooms) = (served.model.rooms(), shadow.model.rooms());
+    let agrees = rooms[recognition.room_idx] == other_rooms[other.room_idx];
+    permit.compared(agrees, distance((rooms, recognition), (other_rooms, &other)));
 }
 
 fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
@@ -239,7 +239,7 @@ fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
         timed(&debug_span!("features"), || with_scratch(&served, |scratch| model.features(image, scratch)));
     let (recognition, classify) = timed(&debug_span!("classify"), || model.classify(&features));
     let why = explain.then(|| Reasons {
-        evidence: model.explain(&features, recognition.place_idx),
+        evidence: model.explain(&features, recognition.room_idx),
         nearest: model.nearest(&features, N_NEAREST),
         pose: model.pose(&features),
     });

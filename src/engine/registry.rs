@@ -28,7 +28,7 @@ mod table;
 pub use error::{ChangeError, Failure, LookupError, RegistryError, repository_kind};
 pub use info::{model_info, network_infos, version_info, version_info_with_card};
 pub use served::ServedModel;
-pub use shadow::{Place, Shadow, Tally, distance};
+pub use shadow::{Shadow, ShadowPermit, Tally, distance};
 pub use state::Version;
 pub use table::{CANARY, Choice, PREVIOUS, SHADOW, STABLE, Serving};
 
@@ -131,7 +131,7 @@ impl Registry {
     }
 
     /// A place for a frame that this model has answered beside its shadow, if it has one and few frames wait.
-    pub fn place_in_shadow(&self, served: &Arc<ServedModel>) -> Option<Place> {
+    pub fn permit_in_shadow(&self, served: &Arc<ServedModel>) -> Option<ShadowPermit> {
         self.table().models.get(&served.name)?.shadow_of(served)?.admit()
     }
 

@@ -7,7 +7,7 @@
 //! | `inbox` | its messages, put together within limits |
 //! | `intake` | the memory of frames under way, and who gives way where it is short |
 //! | `socket` | the WebSocket: messages in and out |
-//! | `places` | who may have a stream, and who gives way where places are short |
+//! | `permits` | who may have a stream, and who gives way where places are short |
 //! | `session` | one stream from its first connection to its end |
 //! | `lane` | its frames that wait, and its one place in the queue of the threads |
 //! | `turn` | one of its frames on a thread |
@@ -27,7 +27,7 @@ mod lane;
 mod ledger;
 mod message;
 mod moment;
-mod places;
+mod permits;
 mod session;
 pub mod settings;
 mod socket;
@@ -43,7 +43,7 @@ use crate::settings::Settings;
 use hyper::upgrade::OnUpgrade;
 use inbox::{Inbox, Limits};
 use intake::Intake;
-use places::{NoPlace, Place, Places};
+use permits::{NoPermit, Permit, Permits};
 use roomsight_protocol::stream::{StreamQuery, StreamSettings};
 use session::{Identity, Session};
 use socket::{Close, Socket};
@@ -54,7 +54,7 @@ use tracing::Instrument;
 
 /// All streams.
 pub struct Streams {
-    places: Places,
+    permits: Permits,
     intake: Arc<Intake>,
     tasks: TaskTracker,
 }
@@ -80,7 +80,7 @@ impl Streams {
     /// As many as the settings allow, whose frames take their bytes from `memory`.
     pub fn new(settings: &Settings, memory: Arc<Semaphore>) -> Self {
         Self {
-            places: Places::new(settings.max_streams, settings.max_streams_of_one()),
+            permits: Permits::new(settings.max_streams, settings.max_streams_of_one()),
             intake: Arc::new(Intake::new(memory, settings.max_buffered_bytes, settings.max_frame_bytes)),
             tasks: TaskTracker::new(),
         }
@@ -88,7 +88,7 @@ impl Streams {
 
     /// What dashboards may know, the stream that began first first.
     pub fn records(&self) -> Vec<Arc<Record>> {
-        self.places.records()
+        self.permits.records()
     }
 
     /// Ready when the last stream has ended, after a stop.
@@ -117,7 +117,7 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
     let inbox = Inbox::new(&limits, engine.streams.intake.clone(), holder.clone());
     let socket = Socket::new(upgraded, inbox, engine.settings.stream_write_timeout());
     let mut arrival = Arrival { socket, is_resumed: true, last_seq: query.last_seq };
-    let resumed = query.session.and_then(|session| engine.streams.places.arrivals(&session, key.as_deref()));
+    let resumed = query.session.and_then(|session| engine.streams.permits.arrivals(&session, key.as_deref()));
     if let Some(arrivals) = resumed {
         match arrivals.send(arrival).await {
             Ok(()) => return,
@@ -144,17 +144,17 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
     };
     let (sender, arrivals) = mpsc::channel(1);
     let given_up = conversation.given_up().clone();
-    let place = Place { arrivals: sender, holder, record, given_up };
-    if let Err(no_place) = engine.streams.places.take(session.clone(), place) {
-        let why = match no_place {
-            NoPlace::Full => Close::Full,
-            NoPlace::Share => Close::Share,
+    let permit = Permit { arrivals: sender, holder, record, given_up };
+    if let Err(no_permit) = engine.streams.permits.take(session.clone(), permit) {
+        let why = match no_permit {
+            NoPermit::Full => Close::Full,
+            NoPermit::Share => Close::Share,
         };
         return arrival.socket.close(why).await;
     }
     tracing::info!(stream, "a stream begins");
     conversation.run(arrival, arrivals).await;
-    engine.streams.places.leave(&session);
+    engine.streams.permits.leave(&session);
     tracing::info!(stream, "a stream ended");
 }
 

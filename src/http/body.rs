@@ -17,7 +17,7 @@ use crate::engine::pool::Whose;
 use crate::engine::recognize::RecognizeError;
 use crate::http::App;
 use crate::http::caller::caller_of;
-use crate::http::places::Line;
+use crate::http::seats::Line;
 use crate::problem::Problem;
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::{FromRequest, Multipart, Request};

@@ -8,8 +8,8 @@ use crate::engine::watch::watch;
 use crate::http::caller::Peer;
 use crate::http::connection::misread::Misread;
 use crate::http::connection::write_timeout::WriteTimeout;
-use crate::http::places::{Line, Place, Places};
 use crate::http::routes::router;
+use crate::http::seats::{Line, Seat, Seats};
 use crate::http::{App, tls};
 use hyper::body::Incoming;
 use hyper::header::{CONNECTION, HeaderValue};
@@ -46,7 +46,7 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
     let (stop, stopped) = watch::channel(false);
     let acceptor = Acceptor {
         service: TowerToHyperService::new(router(app.clone())),
-        places: Arc::new(Places::new(app.engine.settings.max_connections)),
+        seats: Arc::new(Seats::new(app.engine.settings.max_connections)),
         header_timeout: app.engine.settings.header_timeout(),
         write_timeout: app.engine.settings.write_timeout(),
         #[cfg(target_os = "linux")]
@@ -101,7 +101,7 @@ struct Acceptor {
     app: App,
     listener: TcpListener,
     service: TowerToHyperService<axum::Router>,
-    places: Arc<Places>,
+    seats: Arc<Seats>,
     header_timeout: Duration,
     write_timeout: Duration,
     #[cfg(target_os = "linux")]
@@ -117,13 +117,13 @@ impl Acceptor {
                 accepted = self.accept() => accepted,
                 Some(_) = connections.join_next() => continue,
             };
-            let place = loop {
+            let seat = loop {
                 tokio::select! {
-                    place = self.places.take(CallerId::at(peer.0.ip())) => break place,
+                    seat = self.seats.take(CallerId::at(peer.0.ip())) => break seat,
                     Some(_) = connections.join_next() => {}
                 }
             };
-            connections.spawn(self.connection(stream, peer, place, life));
+            connections.spawn(self.connection(stream, peer, seat, life));
         }
     }
 
@@ -144,7 +144,7 @@ impl Acceptor {
         &self,
         stream: TcpStream,
         peer: Peer,
-        place: Place,
+        seat: Seat,
         life: Life,
     ) -> impl Future<Output = ()> + Send + use<> {
         // An answer is one small write: waiting to fill a packet would only delay it.
@@ -165,7 +165,7 @@ impl Acceptor {
         let (router, write_timeout) = (self.service.clone(), self.write_timeout);
         let stop_pause = STOP_PAUSE.min(app.engine.settings.drain_timeout() / 2);
         async move {
-            let line = place.line().clone();
+            let line = seat.line().clone();
             let mut paused = pin!(paused(stopped.clone(), stop_pause));
             let stream = match &app.tls {
                 None => Either::Left(stream),
@@ -203,7 +203,7 @@ impl Acceptor {
                     }
                 }
             };
-            drop(place);
+            drop(seat);
             if let Err(error) = result {
                 tracing::debug!(%error, "a connection ended early");
             }

@@ -55,7 +55,7 @@ fn write_cold(root: &Path, drives: &[(&str, &str)], labels: &[&str]) {
         ["std_cam", "omni_cam", "localization"]
             .iter()
             .for_each(|name| fs::create_dir_all(folder.join(name)).unwrap());
-        let mut places = String::new();
+        let mut rooms = String::new();
         for frame_idx in 0..labels.len() * FRAMES_A_ROOM {
             let room = frame_idx / FRAMES_A_ROOM;
             let name = format!(
@@ -63,12 +63,12 @@ fn write_cold(root: &Path, drives: &[(&str, &str)], labels: &[&str]) {
                 room * 4,
                 frame_idx % FRAMES_A_ROOM * 100_000
             );
-            places += &format!("{name} {}\n", labels[room]);
+            rooms += &format!("{name} {}\n", labels[room]);
             let seed = (drive_idx * 100 + frame_idx) as u32;
             frame(room, seed, false).save(folder.join("std_cam").join(&name)).unwrap();
             frame(room, seed, true).save(folder.join("omni_cam").join(&name)).unwrap();
         }
-        fs::write(folder.join("localization/places.lst"), places).unwrap();
+        fs::write(folder.join("localization/places.lst"), rooms).unwrap();
     }
 }
 

@@ -56,7 +56,7 @@ fn pictures() -> Vec<Vec<u8>> {
     let gray = DynamicImage::from(image::GrayImage::from_fn(20, 12, |x, y| Luma([(x * y) as u8])));
     let color = DynamicImage::from(image::RgbImage::from_fn(17, 9, |x, y| Rgb([x as u8, y as u8, 200])));
     let mut pictures = Vec::new();
-    let frames = [golden("tests/golden"), golden("models/simulated-lab/1/golden")].concat();
+    let frames = [golden("crates/vision/tests/golden"), golden("models/simulated-lab/1/golden")].concat();
     let frames = frames.iter().map(|bytes| image::load_from_memory(bytes).unwrap().thumbnail(48, 36));
     for picture in [gray, color].into_iter().chain(frames) {
         for format in
@@ -100,7 +100,7 @@ fn train(config: &Config) -> Model {
         let frame = Image::from_pixels(64, 48, (0..64 * 48).map(pixel).collect()).unwrap();
         let features = extractor.extract(&frame, &mut Scratch::default());
         Sample {
-            place: format!("room {}", idx % 3),
+            room: format!("room {}", idx % 3),
             sequence: format!("drive {}", idx % 2),
             name: format!("{idx}.jpg"),
             pose: None,
@@ -139,17 +139,17 @@ fn joined(parts: &[&[u8]]) -> Vec<u8> {
 }
 
 fn archives() -> Vec<Vec<u8>> {
-    let place = tempfile::tempdir().unwrap();
+    let room = tempfile::tempdir().unwrap();
     let network = CarriedNetwork::new(b"passes for a network".to_vec(), b"size = [224, 224]".to_vec());
     let mut models = trained();
     if let Some(last) = models.pop() {
         models.push(last.with_networks(Networks::from([("lite0".to_owned(), Arc::new(network))])));
     }
     let pack = |(idx, model): (usize, Model)| {
-        let folder = place.path().join(idx.to_string());
+        let folder = room.path().join(idx.to_string());
         let bytes = b"P5 2 2 255 0000".to_vec();
         let name = "frame.pgm".to_owned();
-        let golden = GoldenFrame { name, bytes, place: model.places()[0].clone(), probability: 1.0 / 3.0 };
+        let golden = GoldenFrame { name, bytes, room: model.rooms()[0].clone(), probability: 1.0 / 3.0 };
         model.save(&folder, &[golden]).unwrap();
         let mut tar = Vec::new();
         package::pack(&folder, &mut tar).unwrap();

@@ -141,9 +141,9 @@ impl Examined<'_> {
         let mut doubts: Vec<(f32, Finding)> = Vec::new();
         for answer in &answers.held_out {
             let recognition = &answer.recognition;
-            let likely = &answers.places[recognition.place_idx];
-            let room = &self.described.samples[answer.sample_idx].place;
-            let of_room = answers.places.binary_search(room).map(|idx| recognition.probabilities[idx]);
+            let likely = &answers.rooms[recognition.room_idx];
+            let room = &self.described.samples[answer.sample_idx].room;
+            let of_room = answers.rooms.binary_search(room).map(|idx| recognition.probabilities[idx]);
             let Ok(of_room) = of_room else { continue };
             if likely != room {
                 let detail = format!("{likely} {:.2}, {room} {of_room:.2}", recognition.probability());
@@ -163,14 +163,14 @@ impl Examined<'_> {
         let mut by_drive: BTreeMap<(&str, &str), Vec<(usize, usize)>> = BTreeMap::new();
         for answer in &answers.held_out {
             let sample = &self.described.samples[answer.sample_idx];
-            let answered = (answer.sample_idx, answer.recognition.place_idx);
-            by_drive.entry((&sample.sequence, &sample.place)).or_default().push(answered);
+            let answered = (answer.sample_idx, answer.recognition.room_idx);
+            by_drive.entry((&sample.sequence, &sample.room)).or_default().push(answered);
         }
         let doubt = |((drive, room), answered): ((&str, &str), Vec<(usize, usize)>)| {
-            let mut n_of_place: BTreeMap<usize, usize> = BTreeMap::new();
-            answered.iter().for_each(|(_, place_idx)| *n_of_place.entry(*place_idx).or_default() += 1);
-            let (&place_idx, &n_most) = n_of_place.iter().max_by_key(|(_, n_frames)| **n_frames)?;
-            let likely = &answers.places[place_idx];
+            let mut n_of_room: BTreeMap<usize, usize> = BTreeMap::new();
+            answered.iter().for_each(|(_, room_idx)| *n_of_room.entry(*room_idx).or_default() += 1);
+            let (&room_idx, &n_most) = n_of_room.iter().max_by_key(|(_, n_frames)| **n_frames)?;
+            let likely = &answers.rooms[room_idx];
             let is_clear =
                 answered.len() >= LEAST_OF_DRIVE && n_most as f64 >= MOST_OF_DRIVE * answered.len() as f64;
             (likely != room && is_clear).then(|| {
@@ -186,7 +186,7 @@ impl Examined<'_> {
         Finding {
             oddity,
             picture: self.path(sample_idx),
-            room: self.described.samples[sample_idx].place.clone(),
+            room: self.described.samples[sample_idx].room.clone(),
             detail: detail.into(),
             other: None,
             likely_room: None,
@@ -200,7 +200,7 @@ impl Examined<'_> {
     fn copies(&self) -> Vec<Finding> {
         let found = |copied: &Copied| {
             let [own, other] =
-                [copied.sample_idx, copied.of_idx].map(|idx| &self.described.samples[idx].place);
+                [copied.sample_idx, copied.of_idx].map(|idx| &self.described.samples[idx].room);
             let oddity = if own == other { Oddity::Copy } else { Oddity::TwoRooms };
             self.paired(oddity, copied.sample_idx, copied.of_idx)
         };
@@ -208,8 +208,8 @@ impl Examined<'_> {
     }
 
     fn paired(&self, oddity: Oddity, sample_idx: usize, other_idx: usize) -> Finding {
-        let other = &self.described.samples[other_idx].place;
-        let is_same = *other == self.described.samples[sample_idx].place;
+        let other = &self.described.samples[other_idx].room;
+        let is_same = *other == self.described.samples[sample_idx].room;
         let detail = if is_same { String::new() } else { format!("also in {other}") };
         Finding { other: Some(self.path(other_idx)), ..self.finding(oddity, sample_idx, detail) }
     }
@@ -226,7 +226,7 @@ impl Examined<'_> {
             if copied.contains(&idx) || copied.contains(&first_idx) {
                 continue;
             }
-            let oddity = if first.place != sample.place {
+            let oddity = if first.room != sample.room {
                 Oddity::NearTwoRooms
             } else if first.sequence != sample.sequence || sample.sequence.is_empty() {
                 Oddity::NearCopy

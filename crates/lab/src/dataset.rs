@@ -3,8 +3,8 @@
 //! | format | what lies there |
 //! |---|---|
 //! | [`Format::Folder`] | a folder a room: `kitchen/*.jpg`, or `kitchen/SEQUENCE/*.jpg`; also in `train`, `val`, ... |
-//! | [`Format::Manifest`] | `frames.csv` with the columns `file,place,sequence,camera,split` |
-//! | [`Format::Cold`] | COLD sequences: `seq3_cloudy1/{std_cam,omni_cam,localization/places.lst}` |
+//! | [`Format::Manifest`] | `frames.csv` with the columns `file,room,sequence,camera,split` |
+//! | [`Format::Cold`] | COLD sequences: `seq3_cloudy1/{std_cam,omni_cam,localization/rooms.lst}` |
 //!
 //! What cannot be used is never skipped in silence: it is a [`Problem`] beside the frames, or, where
 //! nothing sensible can be made of the whole, a [`DatasetError`]. One name is one room: names are compared as
@@ -44,7 +44,7 @@ pub struct Frame {
     /// The image file.
     pub path: PathBuf,
     /// The room that it shows, never empty, or [`ELSEWHERE`].
-    pub place: String,
+    pub room: String,
     /// The drive that it comes from; empty when unknown.
     pub sequence: String,
     /// The kind of camera that took it.
@@ -60,7 +60,7 @@ pub struct Frame {
 impl Frame {
     /// Whether it shows none of the rooms.
     pub fn is_elsewhere(&self) -> bool {
-        self.place == ELSEWHERE
+        self.room == ELSEWHERE
     }
 
     /// Reads and decodes the image, its luma alone; its size is checked before a byte of it is read.
@@ -163,7 +163,7 @@ impl Dataset {
     pub fn with_elsewhere(mut self, pictures: impl IntoIterator<Item = PathBuf>, camera: CameraKind) -> Self {
         let frame = |path| Frame {
             path,
-            place: ELSEWHERE.to_owned(),
+            room: ELSEWHERE.to_owned(),
             sequence: String::new(),
             camera,
             split: String::new(),
@@ -179,8 +179,8 @@ impl Dataset {
     fn settle_names(&mut self) {
         let mut spellings: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for mut frame in std::mem::take(&mut self.frames) {
-            let place = names::settled(&frame.place);
-            let place = if place.eq_ignore_ascii_case(ELSEWHERE) { ELSEWHERE.to_owned() } else { place };
+            let room = names::settled(&frame.room);
+            let room = if room.eq_ignore_ascii_case(ELSEWHERE) { ELSEWHERE.to_owned() } else { room };
             frame.sequence = names::settled(&frame.sequence);
             frame.split = names::settled(&frame.split);
             let unnamed = |name: &&String| !name.is_empty();
@@ -188,11 +188,11 @@ impl Dataset {
                 .into_iter()
                 .filter(unnamed)
                 .find_map(|name| names::fault(name));
-            if let Some(fault) = names::fault(&place).or(fault) {
+            if let Some(fault) = names::fault(&room).or(fault) {
                 self.report(&frame.path, fault);
                 continue;
             }
-            spellings.entry(place.clone()).or_default().insert(std::mem::replace(&mut frame.place, place));
+            spellings.entry(room.clone()).or_default().insert(std::mem::replace(&mut frame.room, room));
             self.frames.push(frame);
         }
         let root = self.root.clone();
@@ -204,10 +204,10 @@ impl Dataset {
     }
 
     /// The rooms, sorted, each once.
-    pub fn places(&self) -> Vec<String> {
+    pub fn rooms(&self) -> Vec<String> {
         let of_rooms = self.frames.iter().filter(|frame| !frame.is_elsewhere());
-        let places: BTreeSet<&str> = of_rooms.map(|frame| frame.place.as_str()).collect();
-        places.into_iter().map(str::to_owned).collect()
+        let rooms: BTreeSet<&str> = of_rooms.map(|frame| frame.room.as_str()).collect();
+        rooms.into_iter().map(str::to_owned).collect()
     }
 
     /// Keeps the frames of one camera. Folders do not name the camera, so there it is set to `camera`.
@@ -238,8 +238,8 @@ impl Dataset {
         if self.frames.is_empty() {
             return Err(DatasetError::NoFrames { root: self.root.clone(), hint: self.why_empty() });
         }
-        if let [place] = self.places().as_slice() {
-            return Err(DatasetError::OnePlace { place: place.clone() });
+        if let [room] = self.rooms().as_slice() {
+            return Err(DatasetError::OneRoom { room: room.clone() });
         }
         self.check_names(&[])?;
         self.check_camera()
@@ -249,17 +249,17 @@ impl Dataset {
     /// seen, from each other or from `rooms`, those of a model.
     pub fn check_names(&self, rooms: &[String]) -> Result<(), DatasetError> {
         let of_model = rooms.iter().map(|room| (room, None));
-        let of_frames = self.frames.iter().map(|frame| (&frame.place, Some(frame)));
+        let of_frames = self.frames.iter().map(|frame| (&frame.room, Some(frame)));
         let origin = |frame: Option<&Frame>| {
             frame.map_or_else(|| "a room of the model".to_owned(), |frame| frame.path.display().to_string())
         };
         let mut seen: BTreeMap<String, (&String, Option<&Frame>)> = BTreeMap::new();
-        for (place, frame) in of_model.chain(of_frames) {
-            let (other, other_frame) = *seen.entry(names::look(place)).or_insert((place, frame));
-            if other != place {
+        for (room, frame) in of_model.chain(of_frames) {
+            let (other, other_frame) = *seen.entry(names::look(room)).or_insert((room, frame));
+            if other != room {
                 return Err(DatasetError::LookAlike {
                     left: names::spelled(other),
-                    right: names::spelled(place),
+                    right: names::spelled(room),
                     left_origin: origin(other_frame),
                     right_origin: origin(frame),
                 });

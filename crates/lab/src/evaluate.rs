@@ -21,7 +21,7 @@ pub const BORDER_DISTANCE: f64 = 0.5;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Answer<'a> {
     /// The room that the frame shows.
-    pub place: &'a str,
+    pub room: &'a str,
     /// The room that was answered.
     pub answered: &'a str,
     /// Whether the frame lies near a border, where that is known; see [`near_borders`].
@@ -48,7 +48,7 @@ impl Rate {
 
     fn of<'a>(answers: impl Iterator<Item = &'a Answer<'a>>) -> Self {
         let (n_correct, n_frames) = answers.fold((0, 0), |(n_correct, n_frames), answer| {
-            (n_correct + usize::from(answer.answered == answer.place), n_frames + 1)
+            (n_correct + usize::from(answer.answered == answer.room), n_frames + 1)
         });
         Self::new(n_correct, n_frames)
     }
@@ -58,15 +58,18 @@ impl Rate {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Evaluation {
     /// Every room that occurs, true or answered, sorted.
-    pub places: Vec<String>,
-    /// How often each room (row) was answered as each room (column), in the order of `places`.
+    #[serde(rename = "places")]
+    pub rooms: Vec<String>,
+    /// How often each room (row) was answered as each room (column), in the order of `rooms`.
     pub confusion: Vec<Vec<usize>>,
     /// Of all frames.
     pub overall: Rate,
-    /// Of the frames of each room, in the order of `places`.
-    pub by_place: Vec<Rate>,
+    /// Of the frames of each room, in the order of `rooms`.
+    #[serde(rename = "by_place")]
+    pub by_room: Vec<Rate>,
     /// The mean of the rates of the rooms that have frames: each room counts the same.
-    pub mean_by_place: Option<f64>,
+    #[serde(rename = "mean_by_place")]
+    pub mean_by_room: Option<f64>,
     /// Of the frames known to lie away from borders.
     pub without_border: Rate,
     /// Of the frames known to lie near a border.
@@ -77,22 +80,22 @@ impl Evaluation {
     /// Counts answers.
     pub fn new(answers: &[Answer]) -> Self {
         let names: BTreeSet<&str> =
-            answers.iter().flat_map(|answer| [answer.place, answer.answered]).collect();
-        let place_idx: BTreeMap<&str, usize> = names.iter().copied().zip(0..).collect();
+            answers.iter().flat_map(|answer| [answer.room, answer.answered]).collect();
+        let room_idx: BTreeMap<&str, usize> = names.iter().copied().zip(0..).collect();
         let mut confusion = vec![vec![0; names.len()]; names.len()];
         for answer in answers {
-            confusion[place_idx[answer.place]][place_idx[answer.answered]] += 1;
+            confusion[room_idx[answer.room]][room_idx[answer.answered]] += 1;
         }
-        let by_place: Vec<Rate> =
+        let by_room: Vec<Rate> =
             confusion.iter().enumerate().map(|(idx, row)| Rate::new(row[idx], row.iter().sum())).collect();
-        let rates: Vec<f64> = by_place.iter().filter_map(|place| place.rate).collect();
+        let rates: Vec<f64> = by_room.iter().filter_map(|room| room.rate).collect();
         let known = |near| answers.iter().filter(move |answer| answer.near_border == Some(near));
         Self {
-            places: names.into_iter().map(str::to_owned).collect(),
+            rooms: names.into_iter().map(str::to_owned).collect(),
             confusion,
             overall: Rate::of(answers.iter()),
-            by_place,
-            mean_by_place: Summary::of(&rates).map(|summary| summary.mean),
+            by_room,
+            mean_by_room: Summary::of(&rates).map(|summary| summary.mean),
             without_border: Rate::of(known(false)),
             only_border: Rate::of(known(true)),
         }
@@ -105,7 +108,7 @@ pub struct Sighting<'a> {
     /// The drive: positions of different drives are not compared.
     pub sequence: &'a str,
     /// The room.
-    pub place: &'a str,
+    pub room: &'a str,
     /// In meters.
     pub position: Option<[f64; 2]>,
 }
@@ -119,8 +122,8 @@ pub fn near_borders(frames: &[Sighting], distance: f64) -> Vec<Option<bool>> {
     let mut last: BTreeMap<&str, (&str, [f64; 2])> = BTreeMap::new();
     for frame in frames {
         let Some(here) = frame.position else { continue };
-        if let Some((place, there)) = last.insert(frame.sequence, (frame.place, here))
-            && place != frame.place
+        if let Some((room, there)) = last.insert(frame.sequence, (frame.room, here))
+            && room != frame.room
         {
             let midpoint = [(here[0] + there[0]) / 2.0, (here[1] + there[1]) / 2.0];
             borders.entry(frame.sequence).or_default().push(midpoint);
@@ -164,8 +167,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn answer<'a>(place: &'a str, answered: &'a str, near_border: Option<bool>) -> Answer<'a> {
-        Answer { place, answered, near_border }
+    fn answer<'a>(room: &'a str, answered: &'a str, near_border: Option<bool>) -> Answer<'a> {
+        Answer { room, answered, near_border }
     }
 
     #[test]
@@ -179,11 +182,11 @@ mod tests {
             answer("kitchen", "kitchen", Some(false)),
         ];
         let evaluation = Evaluation::new(&answers);
-        assert_eq!(evaluation.places, ["bath", "hall", "kitchen"]);
+        assert_eq!(evaluation.rooms, ["bath", "hall", "kitchen"]);
         assert_eq!(evaluation.confusion, [[0, 0, 0], [0, 3, 1], [1, 0, 1]]);
         assert_eq!(evaluation.overall, Rate::new(4, 6));
-        assert_eq!(evaluation.by_place, [Rate::new(0, 0), Rate::new(3, 4), Rate::new(1, 2)]);
-        assert_eq!(evaluation.mean_by_place, Some(0.625));
+        assert_eq!(evaluation.by_room, [Rate::new(0, 0), Rate::new(3, 4), Rate::new(1, 2)]);
+        assert_eq!(evaluation.mean_by_room, Some(0.625));
         assert_eq!(evaluation.without_border, Rate::new(2, 3));
         assert_eq!(evaluation.only_border, Rate::new(1, 2));
     }
@@ -197,12 +200,12 @@ mod tests {
 
     #[test]
     fn a_border_is_midway_between_the_frames_where_the_room_changes() {
-        let frame = |sequence, place, x: f64| Sighting { sequence, place, position: Some([x, 0.0]) };
+        let frame = |sequence, room, x: f64| Sighting { sequence, room, position: Some([x, 0.0]) };
         let frames = [
             frame("a", "hall", 0.0),
             frame("b", "bath", 1.5),
             frame("a", "hall", 1.0),
-            Sighting { sequence: "a", place: "bath", position: None },
+            Sighting { sequence: "a", room: "bath", position: None },
             frame("a", "kitchen", 2.0),
             frame("a", "kitchen", 2.1),
             frame("b", "bath", 1.5),
@@ -226,12 +229,12 @@ mod tests {
         fn the_confusion_matrix_holds_every_answer_once(
             pairs in proptest::collection::vec(("[a-d]", "[a-d]"), 0..60)
         ) {
-            let answers: Vec<Answer> = pairs.iter().map(|(place, answered)| answer(place, answered, None)).collect();
+            let answers: Vec<Answer> = pairs.iter().map(|(room, answered)| answer(room, answered, None)).collect();
             let evaluation = Evaluation::new(&answers);
             prop_assert_eq!(evaluation.confusion.iter().flatten().sum::<usize>(), pairs.len());
-            let n_diagonal: usize = (0..evaluation.places.len()).map(|idx| evaluation.confusion[idx][idx]).sum();
+            let n_diagonal: usize = (0..evaluation.rooms.len()).map(|idx| evaluation.confusion[idx][idx]).sum();
             prop_assert_eq!(n_diagonal, evaluation.overall.n_correct);
-            prop_assert_eq!(pairs.iter().filter(|(place, answered)| place == answered).count(), n_diagonal);
+            prop_assert_eq!(pairs.iter().filter(|(room, answered)| room == answered).count(), n_diagonal);
         }
     }
 }

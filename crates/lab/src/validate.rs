@@ -44,9 +44,9 @@ pub struct Round {
 
 /// The rounds of a protocol. Frames of rooms that a round does not train are not in its test.
 pub fn rounds(samples: &[Sample], protocol: &Protocol, seed: u64) -> Vec<Round> {
-    let names: BTreeSet<&str> = samples.iter().map(|sample| sample.place.as_str()).collect();
+    let names: BTreeSet<&str> = samples.iter().map(|sample| sample.room.as_str()).collect();
     let label: BTreeMap<&str, usize> = names.into_iter().zip(0..).collect();
-    let labels: Vec<usize> = samples.iter().map(|sample| label[sample.place.as_str()]).collect();
+    let labels: Vec<usize> = samples.iter().map(|sample| label[sample.room.as_str()]).collect();
     let rounds = match *protocol {
         Protocol::Sequences(n_folds) => {
             let sequences: Vec<&str> = samples.iter().map(|sample| sample.sequence.as_str()).collect();
@@ -74,7 +74,7 @@ pub fn draw(samples: &[Sample], n_of_room: usize, seed: u64) -> Vec<usize> {
     order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
     let mut n_drawn: BTreeMap<&str, usize> = BTreeMap::new();
     order.retain(|&idx| {
-        let n_drawn = n_drawn.entry(&samples[idx].place).or_default();
+        let n_drawn = n_drawn.entry(&samples[idx].room).or_default();
         *n_drawn += 1;
         *n_drawn <= n_of_room
     });
@@ -96,17 +96,17 @@ impl Round {
 }
 
 /// `n_rooms` rooms that are left out of training, others for each seed: all have had their turn when there have been seeds enough.
-pub fn left_out_rooms(places: &BTreeSet<String>, n_rooms: usize, seed: u64) -> BTreeSet<String> {
-    let mut places: Vec<&String> = places.iter().collect();
-    places.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
+pub fn left_out_rooms(rooms: &BTreeSet<String>, n_rooms: usize, seed: u64) -> BTreeSet<String> {
+    let mut rooms: Vec<&String> = rooms.iter().collect();
+    rooms.shuffle(&mut ChaCha8Rng::seed_from_u64(0));
     let first = seed as usize * n_rooms;
-    (first..first + n_rooms).map(|turn| places[turn % places.len()].clone()).collect()
+    (first..first + n_rooms).map(|turn| rooms[turn % rooms.len()].clone()).collect()
 }
 
 impl Round {
     /// The same without training on frames of some rooms.
     pub fn without(&self, samples: &[Sample], rooms: &BTreeSet<String>) -> Self {
-        let is_left = |idx: &usize| !rooms.contains(&samples[*idx].place);
+        let is_left = |idx: &usize| !rooms.contains(&samples[*idx].room);
         Self { train: self.train.iter().copied().filter(is_left).collect(), test: self.test.clone() }
     }
 }
@@ -117,7 +117,7 @@ pub struct Answered {
     /// Which sample.
     pub sample_idx: usize,
     /// The room answered.
-    pub place: String,
+    pub room: String,
     /// The whole answer.
     pub recognition: Recognition,
     /// Whether the sample shows a room that the model was not trained on.
@@ -152,10 +152,10 @@ pub fn run(
 
 /// The answer of `model` to a sample.
 pub fn answer(model: &Model, samples: &[Sample], sample_idx: usize) -> Answered {
-    let Sample { place, features, .. } = &samples[sample_idx];
+    let Sample { room, features, .. } = &samples[sample_idx];
     let recognition = model.classify(features);
-    let is_new = model.places().binary_search(place).is_err();
-    Answered { sample_idx, place: model.places()[recognition.place_idx].clone(), recognition, is_new }
+    let is_new = model.rooms().binary_search(room).is_err();
+    Answered { sample_idx, room: model.rooms()[recognition.room_idx].clone(), recognition, is_new }
 }
 
 /// The same answers, each room the one that a filter took the robot to be in after that frame, with the
@@ -166,19 +166,19 @@ pub fn filtered(
     answers: &[Answered],
     trust: Trust,
 ) -> Vec<Answered> {
-    let mut filter = RoomFilter::new(model.places().len(), trust);
+    let mut filter = RoomFilter::new(model.rooms().len(), trust);
     let filter_answer = |(elapsed, answered): (Option<f64>, &Answered)| {
         if elapsed.is_none() {
-            filter = RoomFilter::new(model.places().len(), trust);
+            filter = RoomFilter::new(model.rooms().len(), trust);
         }
         let raw = &answered.recognition;
         let probabilities =
             filter.update(model.transitions(), elapsed.unwrap_or_default(), raw.observation()).to_vec();
         let (known, novelty) = (model.knows(&filter), filter.novelty());
         let unknown = if known { None } else { raw.unknown.or(Some(Unknown::Unsure)) };
-        let place_idx = filter.place_idx();
-        let recognition = Recognition { place_idx, known, novelty, unknown, probabilities, ..raw.clone() };
-        Answered { place: model.places()[recognition.place_idx].clone(), recognition, ..*answered }
+        let room_idx = filter.room_idx();
+        let recognition = Recognition { room_idx, known, novelty, unknown, probabilities, ..raw.clone() };
+        Answered { room: model.rooms()[recognition.room_idx].clone(), recognition, ..*answered }
     };
     elapsed(dataset, described, answers).into_iter().zip(answers).map(filter_answer).collect()
 }
@@ -187,8 +187,8 @@ pub fn filtered(
 pub fn changes(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Changes {
     let elapsed = elapsed(dataset, described, answers);
     let stream = answers.iter().zip(elapsed).map(|(answered, elapsed)| StreamAnswer {
-        place: &described.samples[answered.sample_idx].place,
-        answered: &answered.place,
+        room: &described.samples[answered.sample_idx].room,
+        answered: &answered.room,
         elapsed,
     });
     Changes::new(&stream.collect::<Vec<_>>())
@@ -199,7 +199,7 @@ fn elapsed(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Ve
     let frame = |answered: &Answered| &dataset.frames[described.frame_idxs[answered.sample_idx]];
     let seconds = |pair: &[Answered]| {
         let [before, after] = [&pair[0], &pair[1]].map(frame);
-        let is_followed = dataset.is_in_order() || before.place == after.place;
+        let is_followed = dataset.is_in_order() || before.room == after.room;
         is_followed.then(|| before.seconds_to(after)).flatten()
     };
     let following = answers.windows(2).map(seconds);
@@ -213,7 +213,7 @@ pub fn near_borders(dataset: &Dataset) -> Vec<Option<bool>> {
         .iter()
         .map(|frame| Sighting {
             sequence: &frame.sequence,
-            place: &frame.place,
+            room: &frame.room,
             position: frame.pose.map(|pose| [pose.x, pose.y]),
         })
         .collect();
@@ -230,8 +230,8 @@ pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) 
         .map(|answered| {
             let frame_idx = described.frame_idxs[answered.sample_idx];
             Answer {
-                place: &dataset.frames[frame_idx].place,
-                answered: &answered.place,
+                room: &dataset.frames[frame_idx].room,
+                answered: &answered.room,
                 near_border: near_border[frame_idx],
             }
         })
@@ -255,7 +255,7 @@ pub fn knowledge<'a>(described: &Described, answers: impl IntoIterator<Item = &'
         probability: answered.recognition.probability(),
         known: answered.recognition.known,
         novelty: answered.recognition.novelty,
-        is_right: described.samples[answered.sample_idx].place == answered.place,
+        is_right: described.samples[answered.sample_idx].room == answered.room,
         is_new: answered.is_new,
     };
     Knowledge::new(&answers.into_iter().map(trusted).collect::<Vec<_>>())
@@ -267,10 +267,10 @@ mod tests {
     use roomsight_recognition::model::Features;
     use std::sync::Arc;
 
-    fn sample(place: &str, sequence: &str) -> Sample {
+    fn sample(room: &str, sequence: &str) -> Sample {
         let features = Features { sights: Arc::default(), seen: Vec::new(), scale: 1.0, flaw: None };
         Sample {
-            place: place.to_owned(),
+            room: room.to_owned(),
             sequence: sequence.to_owned(),
             name: String::new(),
             pose: None,
@@ -281,8 +281,8 @@ mod tests {
 
     #[test]
     fn each_room_is_left_out_once_in_turn() {
-        let places: BTreeSet<String> = ["a", "b", "c", "d", "e", "f"].map(str::to_owned).into();
-        let left_out: Vec<String> = (0..3).flat_map(|seed| left_out_rooms(&places, 2, seed)).collect();
+        let rooms: BTreeSet<String> = ["a", "b", "c", "d", "e", "f"].map(str::to_owned).into();
+        let left_out: Vec<String> = (0..3).flat_map(|seed| left_out_rooms(&rooms, 2, seed)).collect();
         assert_eq!(left_out.iter().collect::<BTreeSet<_>>().len(), 6, "{left_out:?}");
     }
 

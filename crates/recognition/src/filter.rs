@@ -61,9 +61,9 @@ pub struct RoomFilter {
 }
 
 impl RoomFilter {
-    /// For a model of `n_places` rooms, at least 1.
-    pub fn new(n_places: usize, trust: Trust) -> Self {
-        Self { belief: vec![1.0 / n_places as f32; n_places], elsewhere: None, trust }
+    /// For a model of `n_rooms` rooms, at least 1.
+    pub fn new(n_rooms: usize, trust: Trust) -> Self {
+        Self { belief: vec![1.0 / n_rooms as f32; n_rooms], elsewhere: None, trust }
     }
 
     /// One probability a room, summing to 1: what the frames up to now say together.
@@ -72,7 +72,7 @@ impl RoomFilter {
     }
 
     /// The most probable room, the first of equal ones.
-    pub fn place_idx(&self) -> usize {
+    pub fn room_idx(&self) -> usize {
         most_probable(&self.belief)
     }
 
@@ -84,7 +84,7 @@ impl RoomFilter {
     /// Whether the frames up to now say surely that it is in the most probable room. Whether that may be acted on depends on
     /// the model too: see [`crate::model::Model::knows`].
     pub fn is_sure(&self) -> bool {
-        (1.0 - self.elsewhere.unwrap_or_default()) * self.belief[self.place_idx()] >= SURE
+        (1.0 - self.elsewhere.unwrap_or_default()) * self.belief[self.room_idx()] >= SURE
     }
 
     /// The same belief about the rooms, for frames of a model that tells new places otherwise, or not at all.

@@ -86,8 +86,8 @@ use std::fmt;
 /// The answer for one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recognition {
-    /// Index into [`Model::places`] of the most probable room, the first of equal ones.
-    pub place_idx: usize,
+    /// Index into [`Model::rooms`] of the most probable room, the first of equal ones.
+    pub room_idx: usize,
     /// Whether a robot may act on it: frames that were held out, and answered at least as surely and to frames no newer,
     /// were right as often as [`CalibrationConfig::known_precision`] promises.
     pub known: bool,
@@ -96,7 +96,7 @@ pub struct Recognition {
     pub novelty: Option<f32>,
     /// Why it is not known; `None` where it is.
     pub unknown: Option<Unknown>,
-    /// One probability a room, in the order of [`Model::places`]; they sum to 1.
+    /// One probability a room, in the order of [`Model::rooms`]; they sum to 1.
     pub probabilities: Vec<f32>,
     /// The number of keypoints the answer rests on.
     pub n_keypoints: usize,
@@ -143,7 +143,7 @@ impl Recognition {
 
     /// The probability of the room that was answered.
     pub fn probability(&self) -> f32 {
-        self.probabilities[self.place_idx]
+        self.probabilities[self.room_idx]
     }
 }
 
@@ -168,7 +168,7 @@ pub struct Evidence {
 #[derive(Clone, Debug)]
 pub struct Model {
     config: Config,
-    places: Vec<String>,
+    rooms: Vec<String>,
     extractor: Extractor,
     classification: Classification,
     transitions: Transitions,
@@ -185,7 +185,7 @@ pub struct Model {
 /// From features to probabilities.
 #[derive(Clone, Debug)]
 struct Classification {
-    n_places: usize,
+    n_rooms: usize,
     /// In the order of the configuration's.
     opinions: Vec<Opinion>,
     /// The share of frames that show what was never seen, of which no room is more probable.
@@ -198,8 +198,8 @@ struct Classification {
 
 impl Model {
     /// The rooms, sorted.
-    pub fn places(&self) -> &[String] {
-        &self.places
+    pub fn rooms(&self) -> &[String] {
+        &self.rooms
     }
 
     /// What it was configured to be.
@@ -328,7 +328,7 @@ impl Model {
 
     /// What spoke for and against a room, the strongest first: of each opinion that can tell, in units of its own
     /// decision values.
-    pub fn explain(&self, features: &Features, place_idx: usize) -> Vec<Evidence> {
+    pub fn explain(&self, features: &Features, room_idx: usize) -> Vec<Evidence> {
         let by_opinion = |(name, opinion): (&str, &Opinion)| {
             let of_clue = |Clue { x, y, likeness, weight }| Evidence {
                 opinion: name.to_owned(),
@@ -344,7 +344,7 @@ impl Model {
                 },
                 weight,
             };
-            opinion.clues(features, place_idx).into_iter().map(of_clue).collect::<Vec<_>>()
+            opinion.clues(features, room_idx).into_iter().map(of_clue).collect::<Vec<_>>()
         };
         let mut evidence: Vec<Evidence> = self.opinions().flat_map(by_opinion).collect();
         evidence.sort_by(|a, b| b.weight.abs().total_cmp(&a.weight.abs()));
@@ -360,7 +360,7 @@ impl Classification {
             .map(|(opinion, said)| Some(opinion.calibration.probabilities(&said.as_ref()?.values)))
             .collect();
         let weights: Vec<f64> = self.opinions.iter().map(|opinion| opinion.weight).collect();
-        let probabilities = pool::answer(&by_opinion, &weights, self.doubt, self.n_places);
+        let probabilities = pool::answer(&by_opinion, &weights, self.doubt, self.n_rooms);
         if said.iter().all(Option::is_none) {
             return Recognition::new(probabilities, None, None, features);
         }
@@ -383,8 +383,8 @@ impl Classification {
 impl Recognition {
     /// The answer to a frame, where so much is known.
     fn new(probabilities: Vec<f32>, novelty: Option<f32>, known: Option<Known>, features: &Features) -> Self {
-        let place_idx = most_probable(&probabilities);
-        let is_trusted = known.is_some_and(|known| known.holds(probabilities[place_idx], novelty));
+        let room_idx = most_probable(&probabilities);
+        let is_trusted = known.is_some_and(|known| known.holds(probabilities[room_idx], novelty));
         let is_new = novelty.is_some_and(|novelty| novelty > known.map_or(EVEN, |known| known.most_novelty));
         let nothing_seen = features.seen.iter().all(Seen::is_nothing);
         let unknown = match features.flaw {
@@ -397,7 +397,7 @@ impl Recognition {
             None => Some(Unknown::Unsure),
         };
         let n_keypoints = features.n_keypoints();
-        Self { place_idx, known: unknown.is_none(), novelty, unknown, probabilities, n_keypoints }
+        Self { room_idx, known: unknown.is_none(), novelty, unknown, probabilities, n_keypoints }
     }
 }
 

@@ -30,7 +30,7 @@ use crate::look::features::Features;
 use crate::look::sight::{Seen, Sight};
 use crate::opinions::error::{AddError, TrainError};
 use machines::Machines;
-use memory::Places;
+use memory::Remembrance;
 use patterns::Patterns;
 use roomsight_vision::camera::CameraKind;
 use serde::{Deserialize, Serialize};
@@ -127,7 +127,7 @@ pub(crate) trait Recognizer: Sized {
     fn without(&self, left: &Left) -> Result<Self, AddError>;
 
     /// What spoke for and against a room, in any order; nothing where it cannot be told.
-    fn clues(&self, seen: &Seen, place_idx: usize) -> Vec<Clue>;
+    fn clues(&self, seen: &Seen, room_idx: usize) -> Vec<Clue>;
 
     /// The training frames that are most like a frame, the nearest first, at most so many; none where none are kept.
     fn nearest(&self, seen: &Seen, n_frames: usize) -> Vec<Near>;
@@ -157,7 +157,7 @@ pub(crate) struct Added<'a> {
     pub(crate) frames: &'a [&'a Seen],
     /// The room of each frame that was learned, those in addition last, as rooms are numbered from now on.
     pub(crate) labels: &'a [usize],
-    pub(crate) n_places: usize,
+    pub(crate) n_rooms: usize,
     /// Which number each room of before has from now on; ascending.
     pub(crate) of_earlier: &'a [usize],
     /// The share at which support vectors are dropped; see [`super::Model::add`].
@@ -170,7 +170,7 @@ pub(crate) struct Left<'a> {
     pub(crate) is_left: &'a [bool],
     /// The room of each that is left, as rooms are numbered from now on.
     pub(crate) labels: &'a [usize],
-    pub(crate) n_places: usize,
+    pub(crate) n_rooms: usize,
 }
 
 /// What the arrays of an opinion must agree with.
@@ -178,7 +178,7 @@ pub(crate) struct Left<'a> {
 pub(crate) struct Shape {
     /// The kind of camera whose frames it answers.
     pub(crate) camera: CameraKind,
-    pub(crate) n_places: usize,
+    pub(crate) n_rooms: usize,
     /// Of what it looks at; see [`Sight`].
     pub(crate) n_dimensions: usize,
     /// The number of frames that the model says it has learned; 0 in files that do not say.
@@ -222,7 +222,7 @@ pub(crate) enum Learner<'a> {
     Machines(&'a MachinesConfig, <Machines as Recognizer>::Prepared),
     Patterns(&'a PatternsConfig, <Patterns as Recognizer>::Prepared),
     Vector(&'a VectorConfig, <Vector as Recognizer>::Prepared),
-    Memory(&'a MemoryConfig, <Places as Recognizer>::Prepared),
+    Memory(&'a MemoryConfig, <Remembrance as Recognizer>::Prepared),
 }
 
 /// What has learned to tell rooms apart.
@@ -231,7 +231,7 @@ pub(crate) enum Trained {
     Machines(Machines),
     Patterns(Patterns),
     Vector(Vector),
-    Memory(Places),
+    Memory(Remembrance),
 }
 
 /// Calls what all kinds have.
@@ -306,7 +306,7 @@ impl OpinionConfig {
             Self::Machines(config) => Learner::Machines(config, Machines::prepare(config, frames, seed)?),
             Self::Patterns(config) => Learner::Patterns(config, Patterns::prepare(config, frames, seed)?),
             Self::Vector(config) => Learner::Vector(config, Vector::prepare(config, frames, seed)?),
-            Self::Memory(config) => Learner::Memory(config, Places::prepare(config, frames, seed)?),
+            Self::Memory(config) => Learner::Memory(config, Remembrance::prepare(config, frames, seed)?),
         })
     }
 
@@ -316,7 +316,7 @@ impl OpinionConfig {
             Self::Machines(config) => Trained::Machines(Machines::from_arrays(config, shape, arrays)?),
             Self::Patterns(config) => Trained::Patterns(Patterns::from_arrays(config, shape, arrays)?),
             Self::Vector(config) => Trained::Vector(Vector::from_arrays(config, shape, arrays)?),
-            Self::Memory(config) => Trained::Memory(Places::from_arrays(config, shape, arrays)?),
+            Self::Memory(config) => Trained::Memory(Remembrance::from_arrays(config, shape, arrays)?),
         })
     }
 }
@@ -334,7 +334,7 @@ impl Learner<'_> {
                 Trained::Vector(Vector::train(config, prepared, frames, chosen)?)
             }
             Self::Memory(config, prepared) => {
-                Trained::Memory(Places::train(config, prepared, frames, chosen)?)
+                Trained::Memory(Remembrance::train(config, prepared, frames, chosen)?)
             }
         })
     }
@@ -357,8 +357,8 @@ impl Trained {
         Ok(again_each!(self, recognizer => recognizer.without(left)?))
     }
 
-    fn clues(&self, seen: &Seen, place_idx: usize) -> Vec<Clue> {
-        of_each!(Self, self, recognizer => recognizer.clues(seen, place_idx))
+    fn clues(&self, seen: &Seen, room_idx: usize) -> Vec<Clue> {
+        of_each!(Self, self, recognizer => recognizer.clues(seen, room_idx))
     }
 
     fn to_arrays(&self) -> Vec<Array> {
@@ -401,8 +401,8 @@ impl Opinion {
     }
 
     /// What spoke for and against a room.
-    pub(crate) fn clues(&self, features: &Features, place_idx: usize) -> Vec<Clue> {
-        features.of(&self.sight).map_or_else(Vec::new, |seen| self.trained.clues(seen, place_idx))
+    pub(crate) fn clues(&self, features: &Features, room_idx: usize) -> Vec<Clue> {
+        features.of(&self.sight).map_or_else(Vec::new, |seen| self.trained.clues(seen, room_idx))
     }
 
     /// The training frames that are most like a frame; see [`Recognizer::nearest`].

@@ -41,7 +41,7 @@ impl Recognizer {
 
     /// The most probable room of an answer of this model.
     pub fn room(&self, recognition: &Recognition) -> &str {
-        &self.model.places()[recognition.place_idx]
+        &self.model.rooms()[recognition.room_idx]
     }
 
     /// The model.

@@ -58,14 +58,14 @@ pub(super) fn wrong_frames(
         }
         let frame = WrongFrame {
             frame: dataset.frames[described.frame_idxs[answer.sample_idx]].path.clone(),
-            room: sample.place.clone(),
-            answered: answer.place.clone(),
+            room: sample.room.clone(),
+            answered: answer.room.clone(),
             probability: recognition.probability(),
             unknown: recognition.unknown,
             novelty: recognition.novelty,
             because_of: Vec::new(),
         };
-        let because_of = || blamed(model, &sample.features, recognition.place_idx);
+        let because_of = || blamed(model, &sample.features, recognition.room_idx);
         if frame.is_wrong() {
             Some(WrongFrame { because_of: because_of(), ..frame })
         } else {
@@ -104,10 +104,10 @@ pub(super) fn sections(dataset: &Dataset, frames: &[WrongFrame]) -> Vec<Section>
 }
 
 /// The training frames of a room that are most like a frame, as the opinions see them in turn.
-fn blamed(model: &Model, features: &Features, place_idx: usize) -> Vec<String> {
+fn blamed(model: &Model, features: &Features, room_idx: usize) -> Vec<String> {
     let mut by_opinion: BTreeMap<String, VecDeque<String>> = BTreeMap::new();
     for near in model.nearest(features, N_NEAREST) {
-        if near.place_idx == place_idx && !near.name.is_empty() {
+        if near.room_idx == room_idx && !near.name.is_empty() {
             by_opinion.entry(near.opinion).or_default().push_back(near.name);
         }
     }

@@ -132,7 +132,7 @@ impl Local {
         let LoadedModel { model, digest } = Model::load(&self.0.fetch(id)?)?;
         Ok(VersionInfo {
             digest: Some(digest),
-            rooms: Some(model.places().to_vec()),
+            rooms: Some(model.rooms().to_vec()),
             networks: network_infos(&model),
             card: Some(serde_json::to_value(model.card())?),
             ..version_info(id.version, &self.0.record(&id.name)?)

@@ -75,8 +75,8 @@ impl Drive {
 
     fn told(&self, sent: Sent, answer: &Answer, filtered: Option<&Filtered>, age_ms: Option<f64>) {
         let latency = self.start.0.elapsed().saturating_sub(sent.at);
-        let place = &self.frames.get(sent.frame_idx).place;
-        let told = Told { at: sent.at, latency, place, answer, filtered, age_ms };
+        let room = &self.frames.get(sent.frame_idx).room;
+        let told = Told { at: sent.at, latency, room, answer, filtered, age_ms };
         let mut tally = self.tally();
         tally.told(&told);
         if sent.is_followed {
@@ -280,7 +280,7 @@ mod tests {
         std::fs::write(&path, "no image, but nobody looks").unwrap();
         let frame = Frame {
             path,
-            place: "lab".to_owned(),
+            room: "lab".to_owned(),
             sequence: String::new(),
             camera: CameraKind::Perspective,
             split: String::new(),

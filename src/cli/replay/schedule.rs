@@ -124,7 +124,7 @@ mod tests {
     fn frames(of: &[(&str, Option<f64>)]) -> Vec<Frame> {
         let frame = |&(sequence, time): &(&str, Option<f64>)| Frame {
             path: "frame.jpg".into(),
-            place: "lab".to_owned(),
+            room: "lab".to_owned(),
             sequence: sequence.to_owned(),
             camera: CameraKind::Perspective,
             split: String::new(),

@@ -54,7 +54,7 @@ pub struct Told<'a> {
     /// From then to the answer.
     pub latency: Duration,
     /// The room that it shows.
-    pub place: &'a str,
+    pub room: &'a str,
     /// What it says by itself.
     pub answer: &'a Answer,
     /// What the stream says.
@@ -98,9 +98,9 @@ impl Tally {
             // Clocks that differ may make a frame younger than it can be.
             self.age.saturating_record((age_ms.max(0.0) * 1000.0) as u64);
         }
-        let raw = told.answer.room == told.place;
+        let raw = told.answer.room == told.room;
         self.raw.add(raw);
-        let filtered = told.filtered.map(|filtered| filtered.room == told.place);
+        let filtered = told.filtered.map(|filtered| filtered.room == told.room);
         if let Some(filtered) = filtered {
             self.filtered.add(filtered);
         }
@@ -212,7 +212,7 @@ impl Stays {
     /// Takes a frame's rooms.
     pub fn add(&mut self, told: &Told) {
         let at_s = told.at.as_secs_f64();
-        extend(&mut self.shown, told.place, at_s);
+        extend(&mut self.shown, told.room, at_s);
         extend(&mut self.raw, &told.answer.room, at_s);
         if let Some(filtered) = told.filtered {
             extend(&mut self.filtered, &filtered.room, at_s);

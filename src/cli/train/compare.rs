@@ -79,10 +79,10 @@ impl Comparison {
         let extractor = Extractor::new(before.config(), before.camera().clone());
         let again = data::describe_quietly(&subset, &extractor, limits).ok()?;
         let pairs = (0..again.samples.len()).filter_map(|sample_idx| {
-            let place = &again.samples[sample_idx].place;
+            let room = &again.samples[sample_idx].room;
             let frame_idx = of_frame.keys().nth(again.frame_idxs[sample_idx])?;
-            let was_right = validate::answer(before, &again.samples, sample_idx).place == *place;
-            Some([was_right, of_frame[frame_idx].place == *place])
+            let was_right = validate::answer(before, &again.samples, sample_idx).room == *room;
+            Some([was_right, of_frame[frame_idx].room == *room])
         });
         Some(Self::of_pairs(serving, &pairs.collect::<Vec<_>>()))
     }
@@ -111,7 +111,7 @@ impl Comparison {
         answers: &[Answered],
     ) -> Option<Self> {
         let measured = before.card().measured.last().filter(|measured| measured.n_frames > 0)?;
-        let is_right = |answer: &&Answered| described.samples[answer.sample_idx].place == answer.place;
+        let is_right = |answer: &&Answered| described.samples[answer.sample_idx].room == answer.room;
         let before = Share {
             n_right: (measured.rate * measured.n_frames as f64).round() as usize,
             n_frames: measured.n_frames,

@@ -37,7 +37,7 @@ impl LearningCurve {
     ) -> Result<Option<Self>, TrainError> {
         let mut n_of_drive: BTreeMap<(&str, &str), usize> = BTreeMap::new();
         let is_in_half = |idx: &usize| {
-            let n_before = n_of_drive.entry((&samples[*idx].place, &samples[*idx].sequence)).or_default();
+            let n_before = n_of_drive.entry((&samples[*idx].room, &samples[*idx].sequence)).or_default();
             *n_before += 1;
             *n_before % 2 == 1
         };
@@ -50,15 +50,15 @@ impl LearningCurve {
         let of_half: Vec<&Sample> = half.iter().map(|&idx| &samples[idx]).collect();
         let answers = answer_held_out(&of_half, &[candidate], Unit::Drives, progress)?;
         let answered_by_all: BTreeMap<usize, usize> =
-            held_out.iter().map(|answer| (answer.sample_idx, answer.recognition.place_idx)).collect();
+            held_out.iter().map(|answer| (answer.sample_idx, answer.recognition.room_idx)).collect();
         let pairs: Vec<[bool; 2]> = answers
             .held_out
             .iter()
             .filter_map(|answer| {
                 let sample_idx = half[answer.sample_idx];
-                let place = &samples[sample_idx].place;
-                let by_all = &model.places()[*answered_by_all.get(&sample_idx)?];
-                Some([answers.places[answer.recognition.place_idx] == *place, by_all == place])
+                let room = &samples[sample_idx].room;
+                let by_all = &model.rooms()[*answered_by_all.get(&sample_idx)?];
+                Some([answers.rooms[answer.recognition.room_idx] == *room, by_all == room])
             })
             .collect();
         let rate =

@@ -33,40 +33,39 @@ pub(super) fn frames(
         };
         size(*limits) == size(Limits::default())
     };
-    let golden = |(place_idx, place): (usize, &String)| {
-        let of_place: Vec<usize> =
-            (0..described.samples.len()).filter(|&idx| described.samples[idx].place == *place).collect();
-        let sample_idx = *of_place.get(of_place.len() / 2)?;
+    let golden = |(room_idx, room): (usize, &String)| {
+        let of_room: Vec<usize> =
+            (0..described.samples.len()).filter(|&idx| described.samples[idx].room == *room).collect();
+        let sample_idx = *of_room.get(of_room.len() / 2)?;
         let path = &dataset.frames[described.frame_idxs[sample_idx]].path;
         let is_small = fs::metadata(path).is_ok_and(|metadata| metadata.len() <= MAX_GOLDEN_BYTES);
         let bytes = fs::read(path).ok().filter(|bytes| is_small && looks_the_same(bytes))?;
         let answer = validate::answer(model, &described.samples, sample_idx);
         Some(GoldenFrame {
-            name: golden_name(model.places(), place_idx, path),
+            name: golden_name(model.rooms(), room_idx, path),
             bytes,
             probability: answer.recognition.probability(),
-            place: answer.place,
+            room: answer.room,
         })
     };
-    model.places().iter().enumerate().take(N_GOLDEN_FRAMES).filter_map(golden).collect()
+    model.rooms().iter().enumerate().take(N_GOLDEN_FRAMES).filter_map(golden).collect()
 }
 
 /// The name of the file with a room's golden frame: the room's as a file name, with a number where an earlier
 /// room has the same, and the ending of the picture, which may be missing or be no ending at all.
-fn golden_name(places: &[String], place_idx: usize, picture: &Path) -> String {
-    let name = file_name(&places[place_idx]);
-    let is_taken =
-        places[..place_idx].iter().any(|place| file_name(place).to_lowercase() == name.to_lowercase());
+fn golden_name(rooms: &[String], room_idx: usize, picture: &Path) -> String {
+    let name = file_name(&rooms[room_idx]);
+    let is_taken = rooms[..room_idx].iter().any(|room| file_name(room).to_lowercase() == name.to_lowercase());
     let ending = picture.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
     let is_plain =
         (1..=MAX_ENDING_LENGTH).contains(&ending.len()) && ending.chars().all(char::is_alphanumeric);
     let ending = if is_plain { ending } else { "jpg" };
-    if is_taken { format!("{name}-{place_idx}.{ending}") } else { format!("{name}.{ending}") }
+    if is_taken { format!("{name}-{room_idx}.{ending}") } else { format!("{name}.{ending}") }
 }
 
 /// A room's name as a file name of every system.
-fn file_name(place: &str) -> String {
-    let letters = place.chars().map(|letter| if letter.is_alphanumeric() { letter } else { '_' });
+fn file_name(room: &str) -> String {
+    let letters = room.chars().map(|letter| if letter.is_alphanumeric() { letter } else { '_' });
     letters.take(MAX_FILE_NAME_LENGTH).collect()
 }
 
@@ -76,8 +75,8 @@ mod tests {
 
     #[test]
     fn each_room_has_a_golden_frame_of_its_own() {
-        let places = ["a b", "a/b", "a_B", "b", &"long".repeat(60)].map(str::to_owned);
-        let name = |place_idx, picture| golden_name(&places, place_idx, Path::new(picture));
+        let rooms = ["a b", "a/b", "a_B", "b", &"long".repeat(60)].map(str::to_owned);
+        let name = |room_idx, picture| golden_name(&rooms, room_idx, Path::new(picture));
         assert_eq!(name(0, "1.jpeg"), "a_b.jpeg");
         assert_eq!(name(1, "1.PNG"), "a_b-1.PNG");
         assert_eq!(name(2, "1"), "a_B-2.jpg");

@@ -19,16 +19,16 @@ impl NotHeldOut {
     /// What `held_out` has no answer to. `is_addition` tells whether the samples were added to a trained model.
     pub(super) fn of(held_out: &[HeldOut], samples: &[Sample], is_addition: bool) -> Vec<Self> {
         let answered: BTreeSet<usize> = held_out.iter().map(|held_out| held_out.sample_idx).collect();
-        let mut n_of_place: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut n_of_room: BTreeMap<&str, usize> = BTreeMap::new();
         for sample in samples {
-            *n_of_place.entry(&sample.place).or_default() += 1;
+            *n_of_room.entry(&sample.room).or_default() += 1;
         }
         let reason = |sample: &Sample| {
             if sample.features.seen.iter().all(Seen::is_nothing) {
                 "without anything to recognize them by"
             } else if is_addition {
                 "of rooms that were new to the model"
-            } else if n_of_place[sample.place.as_str()] == 1 {
+            } else if n_of_room[sample.room.as_str()] == 1 {
                 "of rooms that no other frame shows: take more frames of them"
             } else {
                 "held out together with all frames of every other room but one: take more frames of those"
@@ -41,7 +41,7 @@ impl NotHeldOut {
             }
             let (n_frames, rooms) = by_reason.entry(reason(sample)).or_default();
             *n_frames += 1;
-            rooms.insert(&sample.place);
+            rooms.insert(&sample.room);
         }
         let told = |(reason, (n_frames, rooms)): (_, (_, BTreeSet<&str>))| Self {
             reason,
@@ -60,13 +60,13 @@ mod tests {
     use roomsight_vision::matrix::Matrix;
     use std::sync::Arc;
 
-    fn sample(place: &str, n_keypoints: usize) -> Sample {
+    fn sample(room: &str, n_keypoints: usize) -> Sample {
         let keypoints = vec![Keypoint::new(0.0, 0.0, 1.0); n_keypoints];
         let descriptors = Matrix::zeros(n_keypoints, 1);
         let seen = Seen::Local(LocalFeatures { keypoints, descriptors, spots: Vec::new() });
         let features = Features { sights: Arc::default(), seen: vec![seen], scale: 1.0, flaw: None };
         Sample {
-            place: place.to_owned(),
+            room: room.to_owned(),
             sequence: String::new(),
             name: String::new(),
             pose: None,
@@ -77,7 +77,7 @@ mod tests {
 
     fn answer(sample_idx: usize) -> HeldOut {
         let recognition = Recognition {
-            place_idx: 0,
+            room_idx: 0,
             known: true,
             novelty: None,
             unknown: None,

@@ -69,7 +69,7 @@ impl Verdict {
         learning_curve: Option<LearningCurve>,
         taken: &[Taken],
     ) -> Self {
-        let most = evaluation.by_place.iter().map(|place| place.n_frames).max().unwrap_or_default();
+        let most = evaluation.by_room.iter().map(|room| room.n_frames).max().unwrap_or_default();
         let n_frames = evaluation.overall.n_frames;
         let guessing = most as f64 / n_frames.max(1) as f64;
         let deviation = (guessing * (1.0 - guessing) / n_frames.max(1) as f64).sqrt();
@@ -79,14 +79,14 @@ impl Verdict {
             evaluation.overall.rate.filter(|_| beyond_chance < 1.0).map(|rate| rate > beyond_chance);
         let mut confused = Vec::new();
         let mut weak_rooms = Vec::new();
-        for (shown_idx, shown) in evaluation.places.iter().enumerate() {
-            for (answered_idx, answered) in evaluation.places.iter().enumerate() {
+        for (shown_idx, shown) in evaluation.rooms.iter().enumerate() {
+            for (answered_idx, answered) in evaluation.rooms.iter().enumerate() {
                 let n_frames = evaluation.confusion[shown_idx][answered_idx];
                 if shown_idx != answered_idx && n_frames > 0 {
                     confused.push(Confused { shown: shown.clone(), answered: answered.clone(), n_frames });
                 }
             }
-            let Rate { n_frames, rate, .. } = evaluation.by_place[shown_idx];
+            let Rate { n_frames, rate, .. } = evaluation.by_room[shown_idx];
             if let Some(rate) = rate.filter(|rate| *rate < GOOD_RATE) {
                 let n_more = learning_curve.and_then(|curve| curve.n_more(n_frames, rate, GOOD_RATE));
                 weak_rooms.push(WeakRoom { room: shown.clone(), rate, n_frames, n_more });
@@ -181,7 +181,7 @@ mod tests {
     use roomsight_lab::evaluate::Answer;
 
     fn verdict(answers: &[(&str, &str)], taken: &[Taken]) -> Verdict {
-        let answer = |&(place, answered)| Answer { place, answered, near_border: None };
+        let answer = |&(room, answered)| Answer { room, answered, near_border: None };
         let evaluation = Evaluation::new(&answers.iter().map(answer).collect::<Vec<_>>());
         Verdict::of(&evaluation, Knowledge::new(&[]), true, None, taken)
     }

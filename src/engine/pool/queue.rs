@@ -31,7 +31,7 @@ pub struct FairQueue<J> {
     /// As many may be kept before idle ones are closed: who calls under ever new names fills no memory.
     max_accounts: usize,
     /// The callers with jobs that wait, the one that is served next first.
-    ready: BTreeSet<Place>,
+    ready: BTreeSet<Turn>,
     n_placed: u64,
     /// The virtual time of the caller that was served last.
     now: Duration,
@@ -60,7 +60,7 @@ struct Account<J> {
     /// Its virtual time.
     served: Duration,
     mean_cost: Duration,
-    place: Option<Place>,
+    turn: Option<Turn>,
 }
 
 struct Waiting<J> {
@@ -71,7 +71,7 @@ struct Waiting<J> {
 
 /// A caller's place among those that wait.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
-struct Place {
+struct Turn {
     served: Duration,
     /// Among those of one time who came first goes first.
     order: u64,
@@ -168,16 +168,16 @@ impl<J> FairQueue<J> {
 
     /// The job that is next, if any waits.
     pub fn take(&mut self, now: Duration) -> Option<Taken<J>> {
-        let Place { served, caller, .. } = self.ready.pop_first()?;
+        let Turn { served, caller, .. } = self.ready.pop_first()?;
         self.now = self.now.max(served);
         let account = self.accounts.get_mut(&caller)?;
-        account.place = None;
+        account.turn = None;
         let Waiting { job, is_turn } = account.waiting.pop_front()?;
         self.n_waiting -= 1;
         let amount = account.cost(now);
         account.served += amount;
         account.running.push(now);
-        self.place(&caller);
+        self.line_up(&caller);
         Some(Taken { job, charge: Charge { caller, amount, taken_at: now, is_turn } })
     }
 
@@ -196,7 +196,7 @@ impl<J> FairQueue<J> {
         }
         account.n_turns -= usize::from(is_turn);
         self.n_turns -= usize::from(is_turn);
-        self.place(&caller);
+        self.line_up(&caller);
         self.forget(&caller);
     }
 
@@ -253,7 +253,7 @@ impl<J> FairQueue<J> {
         let idx = account.waiting.iter().rposition(|waiting| !waiting.is_turn)?;
         let Waiting { job, .. } = account.waiting.remove(idx)?;
         self.n_waiting -= 1;
-        self.place(caller);
+        self.line_up(caller);
         Some(job)
     }
 
@@ -265,16 +265,16 @@ impl<J> FairQueue<J> {
         }
         account.waiting.push_back(waiting);
         self.n_waiting += 1;
-        self.place(caller);
+        self.line_up(caller);
     }
 
     /// Puts a caller where it belongs among those that wait.
-    fn place(&mut self, caller: &CallerId) {
+    fn line_up(&mut self, caller: &CallerId) {
         let Some(account) = self.accounts.get_mut(caller) else { return };
-        let order = match account.place.take() {
-            Some(place) => {
-                self.ready.remove(&place);
-                place.order
+        let order = match account.turn.take() {
+            Some(turn) => {
+                self.ready.remove(&turn);
+                turn.order
             }
             None => {
                 self.n_placed += 1;
@@ -282,9 +282,9 @@ impl<J> FairQueue<J> {
             }
         };
         if !account.waiting.is_empty() {
-            let place = Place { served: account.served, order, caller: caller.clone() };
-            account.place = Some(place.clone());
-            self.ready.insert(place);
+            let turn = Turn { served: account.served, order, caller: caller.clone() };
+            account.turn = Some(turn.clone());
+            self.ready.insert(turn);
         }
     }
 
@@ -301,7 +301,7 @@ impl<J> FairQueue<J> {
             running: Vec::new(),
             served: self.now + self.mean_cost.mul_f64(ENTRY),
             mean_cost: self.mean_cost,
-            place: None,
+            turn: None,
         })
     }
 

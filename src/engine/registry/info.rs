@@ -56,7 +56,7 @@ pub fn version_info(number: u64, version: &Version, serving: &Serving) -> Versio
         share: canary.map(|(_, share)| *share),
         shadow: shadow.map(|shadow| ShadowInfo::from(shadow.tally())),
         digest: loaded.map(|loaded| loaded.digest.clone()),
-        rooms: loaded.map(|loaded| loaded.model.places().to_vec()),
+        rooms: loaded.map(|loaded| loaded.model.rooms().to_vec()),
         networks: loaded.map_or_else(Vec::new, |loaded| network_infos(&loaded.model)),
         card: None,
         history: version.history(),

@@ -18,7 +18,7 @@ pub struct Shadow {
 }
 
 /// A frame's place among those that wait for the shadow; given back when dropped.
-pub struct Place(Arc<Shadow>);
+pub struct ShadowPermit(Arc<Shadow>);
 
 /// How a shadow did since it became one.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -40,11 +40,11 @@ impl Shadow {
     }
 
     /// Takes a place for one frame; none where too many wait, which is noted.
-    pub fn admit(self: &Arc<Self>) -> Option<Place> {
+    pub fn admit(self: &Arc<Self>) -> Option<ShadowPermit> {
         let n_waiting = self.waiting.fetch_add(1, Ordering::Relaxed);
-        let place = Place(self.clone());
+        let permit = ShadowPermit(self.clone());
         if n_waiting < MAX_WAITING {
-            return Some(place);
+            return Some(permit);
         }
         self.count(|tally| tally.n_skipped += 1);
         None
@@ -60,7 +60,7 @@ impl Shadow {
     }
 }
 
-impl Place {
+impl ShadowPermit {
     /// What the frame is compared with.
     pub fn shadow(&self) -> &Shadow {
         &self.0
@@ -76,7 +76,7 @@ impl Place {
     }
 }
 
-impl Drop for Place {
+impl Drop for ShadowPermit {
     fn drop(&mut self) {
         self.0.waiting.fetch_sub(1, Ordering::Relaxed);
     }
@@ -85,8 +85,8 @@ impl Drop for Place {
 /// The total variation distance of two answers, from 0 (equal) to 1: half the sum over all rooms of either
 /// model of the differences of their probabilities.
 pub fn distance(one: (&[String], &Recognition), other: (&[String], &Recognition)) -> f64 {
-    let probability = |(places, recognition): (&[String], &Recognition), room: &String| {
-        let idx = places.iter().position(|place| place == room);
+    let probability = |(rooms, recognition): (&[String], &Recognition), room: &String| {
+        let idx = rooms.iter().position(|other| other == room);
         idx.map_or(0.0, |idx| f64::from(recognition.probabilities[idx]))
     };
     let only_other = other.0.iter().filter(|room| !one.0.contains(room));
@@ -102,7 +102,7 @@ mod tests {
     fn the_distance_is_that_of_distributions_over_all_rooms_of_both() {
         let rooms = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
         let answer = |probabilities: &[f32]| Recognition {
-            place_idx: 0,
+            room_idx: 0,
             known: true,
             novelty: None,
             unknown: None,

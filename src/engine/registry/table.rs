@@ -109,8 +109,9 @@ fn takes_part(name: &str, robot: &str, share: f64) -> bool {
     let mut hasher = blake3::Hasher::new();
     hasher.update(name.as_bytes()).update(&[0]).update(robot.as_bytes());
     let digest = hasher.finalize();
-    let place = digest.as_bytes().iter().take(8).fold(0_u64, |place, &byte| place << 8 | u64::from(byte));
-    (place as f64) < share * 2_f64.powi(64)
+    let position =
+        digest.as_bytes().iter().take(8).fold(0_u64, |position, &byte| position << 8 | u64::from(byte));
+    (position as f64) < share * 2_f64.powi(64)
 }
 
 #[cfg(test)]

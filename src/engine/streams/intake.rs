@@ -221,9 +221,9 @@ impl Whole {
 pub struct Lossless {
     intake: Arc<Intake>,
     /// In its caller's room, for which it waits first, so that only its own caller's frames wait behind it.
-    own: Place,
+    own: Pending,
     /// In everybody's room.
-    shared: Place,
+    shared: Pending,
     memory: PollSemaphore,
     most: usize,
     held: Option<OwnedSemaphorePermit>,
@@ -234,18 +234,18 @@ pub struct Lossless {
 
 /// A frame's share of what frames in the mode `lossless` may have, given back when it has been looked at.
 pub struct Share {
-    _own: Place,
-    _shared: Place,
+    _own: Pending,
+    _shared: Pending,
 }
 
 /// A frame's place in a room, or in line for it.
-struct Place {
+struct Pending {
     room: Arc<Room>,
     line: PollSemaphore,
     taken: Option<OwnedSemaphorePermit>,
 }
 
-impl Place {
+impl Pending {
     fn begin(room: Arc<Room>) -> Self {
         Self { line: PollSemaphore::new(room.bytes.clone()), room, taken: None }
     }
@@ -270,8 +270,8 @@ impl Lossless {
     /// A frame that will have at most so many bytes, of a caller with this room.
     pub fn begin(intake: &Arc<Intake>, own: Arc<Room>, most: usize) -> Self {
         Self {
-            own: Place::begin(own),
-            shared: Place::begin(intake.room.clone()),
+            own: Pending::begin(own),
+            shared: Pending::begin(intake.room.clone()),
             memory: PollSemaphore::new(intake.memory.clone()),
             intake: intake.clone(),
             most,

@@ -52,7 +52,7 @@ pub struct Lane(Mutex<State>);
 #[derive(Default)]
 struct State {
     waiting: VecDeque<Waiting>,
-    has_place: bool,
+    has_turn: bool,
 }
 
 impl Lane {
@@ -74,10 +74,10 @@ impl Lane {
 
     /// Claims the stream's place in the queue. False where it is taken already, nothing waits, or it `is_early`
     /// for the first frame, which may rest.
-    pub fn claim_place(&self, is_early: bool) -> bool {
+    pub fn claim_turn(&self, is_early: bool) -> bool {
         let mut state = self.state();
-        let is_claimed = state.wants_place() && !(is_early && state.may_rest());
-        state.has_place |= is_claimed;
+        let is_claimed = state.wants_turn() && !(is_early && state.may_rest());
+        state.has_turn |= is_claimed;
         is_claimed
     }
 
@@ -92,7 +92,7 @@ impl Lane {
     /// A turn takes once, so that a stream that queues again meanwhile has one place nevertheless.
     pub fn take<T>(&self, now: Instant, choose: impl FnOnce() -> T) -> Taken<T> {
         let mut state = self.state();
-        state.has_place = false;
+        state.has_turn = false;
         let is_late = |frame: &Waiting| frame.deadline.is_some_and(|deadline| deadline <= now);
         let mut expired = Vec::new();
         while state.waiting.front().is_some_and(is_late) {
@@ -112,12 +112,12 @@ impl Lane {
 }
 
 impl State {
-    fn wants_place(&self) -> bool {
-        !self.has_place && !self.waiting.is_empty()
+    fn wants_turn(&self) -> bool {
+        !self.has_turn && !self.waiting.is_empty()
     }
 
     fn may_rest(&self) -> bool {
-        !self.has_place && self.waiting.front().is_some_and(|frame| !frame.is_lossless())
+        !self.has_turn && self.waiting.front().is_some_and(|frame| !frame.is_lossless())
     }
 }
 
@@ -148,27 +148,27 @@ mod tests {
         let late = |seq| Waiting { deadline: Some(now), ..frame(seq) };
         (0..2).for_each(|seq| lane.push(late(seq)));
         (2..4).for_each(|seq| lane.push(frame(seq)));
-        assert!(lane.claim_place(false));
+        assert!(lane.claim_turn(false));
         let Taken { expired, frame } = lane.take(now, || ());
         assert_eq!((expired, frame.map(|(frame, ())| frame.seq)), (vec![0, 1], Some(2)));
-        assert!(lane.claim_place(false));
-        assert!(!lane.state().wants_place(), "one turn is outstanding");
+        assert!(lane.claim_turn(false));
+        assert!(!lane.state().wants_turn(), "one turn is outstanding");
         lane.clear();
         lane.push(late(4));
         let taken = lane.take(now, || ());
         assert!((taken.expired, taken.frame.is_none()) == (vec![4], true), "all were late");
-        assert!(!lane.claim_place(false), "nothing waits");
+        assert!(!lane.claim_turn(false), "nothing waits");
     }
 
     #[test]
     fn a_stream_has_one_place_however_much_waits() {
         let lane = Lane::default();
-        assert!(!lane.claim_place(false), "nothing waits");
+        assert!(!lane.claim_turn(false), "nothing waits");
         (0..3).for_each(|seq| lane.push(frame(seq)));
-        assert!(lane.claim_place(false));
-        assert!(!lane.claim_place(false));
+        assert!(lane.claim_turn(false));
+        assert!(!lane.claim_turn(false));
         assert_eq!(taken(&lane), Some(0));
-        assert!(lane.claim_place(false), "its turn came, so that it may queue again");
+        assert!(lane.claim_turn(false), "its turn came, so that it may queue again");
         assert_eq!((taken(&lane), taken(&lane), taken(&lane)), (Some(1), Some(2), None));
     }
 
@@ -176,12 +176,12 @@ mod tests {
     fn a_frame_is_superseded_until_a_thread_takes_it() {
         let lane = Lane::default();
         assert!(lane.supersede(frame(0)).is_empty());
-        assert!(lane.claim_place(false));
+        assert!(lane.claim_turn(false));
         assert_eq!(lane.supersede(frame(1)), [0]);
         assert_eq!(taken(&lane), Some(1));
         assert!(lane.supersede(frame(2)).is_empty());
         assert_eq!(lane.clear(), [2]);
-        assert!(!lane.state().wants_place());
+        assert!(!lane.state().wants_turn());
     }
 
     #[test]
@@ -195,10 +195,10 @@ mod tests {
         assert!(lane.supersede(frame(1)).is_empty());
         assert_eq!(lane.supersede(frame(2)), [1]);
         assert!(!lane.may_rest());
-        assert!(lane.claim_place(true));
+        assert!(lane.claim_turn(true));
         assert_eq!(taken(&lane), Some(0));
         assert!(lane.may_rest());
-        assert!(!lane.claim_place(true));
-        assert!(lane.claim_place(false));
+        assert!(!lane.claim_turn(true));
+        assert!(lane.claim_turn(false));
     }
 }

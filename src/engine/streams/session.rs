@@ -364,7 +364,7 @@ impl Session {
     /// Takes the stream's place in the queue, if it is time, the place is free and something waits.
     fn queue(&mut self) {
         let is_early = self.settings.mode == Mode::Sampled && self.next_look > Instant::now();
-        if !self.lane.claim_place(is_early) {
+        if !self.lane.claim_turn(is_early) {
             return;
         }
         if let Some(interval) = self.settings.interval_ms {

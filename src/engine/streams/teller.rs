@@ -5,7 +5,7 @@ use super::kept::Kept;
 use super::ledger::Accepted;
 use super::message::text;
 use super::moment::{Elapsed, Moment};
-use crate::engine::answer::{answer, rooms};
+use crate::engine::answer::{answer, by_probability};
 use crate::engine::events::Events;
 use crate::engine::recognize::Seen;
 use crate::engine::registry::ServedModel;
@@ -52,7 +52,7 @@ struct Step {
 impl Teller {
     /// Of a stream whose frames this model will answer.
     pub fn new(stream: String, served: &ServedModel, settings: &Settings) -> Self {
-        let (model, rooms) = (ModelName::from(served), served.model.places().to_vec());
+        let (model, rooms) = (ModelName::from(served), served.model.rooms().to_vec());
         let kept = Kept::new(settings);
         Self { stream, model, rooms, filter: None, doubts_stamps: false, kept }
     }
@@ -107,10 +107,10 @@ impl Teller {
             return None;
         }
         let from = std::mem::replace(&mut self.model, ModelName::from(served));
-        let is_kept = self.rooms == served.model.places();
+        let is_kept = self.rooms == served.model.rooms();
         if !is_kept {
             self.filter = None;
-            self.rooms = served.model.places().to_vec();
+            self.rooms = served.model.rooms().to_vec();
         } else if let Some(belief) = &mut self.filter
             && !served.model.tells_new_places()
         {
@@ -151,19 +151,19 @@ impl Teller {
         let elapsed = same.as_ref().map_or_else(Elapsed::default, |belief| at.since(belief.at));
         let mut belief = same.unwrap_or_else(|| Belief {
             // What is no trust was refused when the stream was configured.
-            filter: RoomFilter::new(model.places().len(), Trust::try_from(wanted.trust).unwrap_or_default()),
+            filter: RoomFilter::new(model.rooms().len(), Trust::try_from(wanted.trust).unwrap_or_default()),
             settings: wanted,
             at,
         });
         belief.at = at;
         belief.filter.update(model.transitions(), elapsed.time.as_secs_f64(), seen.recognition.observation());
-        let place_idx = belief.filter.place_idx();
+        let room_idx = belief.filter.room_idx();
         let told = Filtered {
-            room: model.places()[place_idx].clone(),
+            room: model.rooms()[room_idx].clone(),
             known: model.knows(&belief.filter),
             novelty: belief.filter.novelty(),
-            probability: belief.filter.belief()[place_idx],
-            probabilities: rooms(model.places(), belief.filter.belief(), settings.top),
+            probability: belief.filter.belief()[room_idx],
+            probabilities: by_probability(model.rooms(), belief.filter.belief(), settings.top),
         };
         self.filter = Some(belief);
         Some(Step { told, elapsed })

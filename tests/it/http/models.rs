@@ -43,9 +43,9 @@ pub fn other_packed(golden_frames: &[GoldenFrame]) -> Vec<u8> {
     packed(&folder.path().join("1"))
 }
 
-fn golden(place: &str) -> GoldenFrame {
+fn golden(named: &str) -> GoldenFrame {
     let probability = answer_to_stripes();
-    GoldenFrame { name: "stripes.pgm".into(), bytes: room(0, 0), place: place.into(), probability }
+    GoldenFrame { name: "stripes.pgm".into(), bytes: room(0, 0), room: named.into(), probability }
 }
 
 /// How sure both models are of a frame of stripes.

@@ -18,9 +18,9 @@ const N_FRAMES: u32 = 3 * N_FRAMES_A_ROOM;
 /// A folder a room.
 fn rooms() -> TempDir {
     let folder = TempDir::new().unwrap();
-    for (place_idx, place) in (0..).zip(ROOMS) {
+    for (room_idx, name) in (0..).zip(ROOMS) {
         for shift in 0..N_FRAMES_A_ROOM {
-            write(&folder.path().join(place).join(format!("{shift}.pgm")), &room(place_idx, shift * 5));
+            write(&folder.path().join(name).join(format!("{shift}.pgm")), &room(room_idx, shift * 5));
         }
     }
     folder

@@ -143,7 +143,7 @@ fn train(config: &Config, names: [&str; 3]) -> Model {
     let sample = |idx: u32| {
         let image = Image::decode(&room(idx % 3, idx * 7), &Limits::default()).expect("an image");
         Sample {
-            place: names[idx as usize % 3].to_owned(),
+            room: names[idx as usize % 3].to_owned(),
             sequence: format!("drive {}", idx % 4),
             name: format!("{idx}.jpg"),
             pose: None,
@@ -156,10 +156,10 @@ fn train(config: &Config, names: [&str; 3]) -> Model {
 }
 
 /// A frame of the room stripes, bars or dots, seen from somewhere.
-pub fn room(place_idx: u32, shift: u32) -> Vec<u8> {
+pub fn room(room_idx: u32, shift: u32) -> Vec<u8> {
     pgm(96, 72, |column, row| {
         let (x, y) = (column + shift % 24, row + shift / 24 % 24);
-        let is_bright = match place_idx {
+        let is_bright = match room_idx {
             0 => x % 24 < 6 && y % 12 < 9,
             1 => y % 24 < 6 && x % 12 < 9,
             _ => x % 12 < 4 && y % 12 < 4,

@@ -157,9 +157,9 @@ async fn stamps_that_do_not_advance_are_told_once_and_the_filter_lets_go() {
         let mut robot = Robot::connect(&server, "?mode=lossless").await;
         let mut told = Vec::new();
         for seq in 0..40 {
-            let place_idx = u32::from(seq >= 12);
+            let room_idx = u32::from(seq >= 12);
             let header = Header { seq, captured_at_ns: Some(stamp(seq)) };
-            robot.send(header.join(&room(place_idx, seq as u32))).await;
+            robot.send(header.join(&room(room_idx, seq as u32))).await;
             told.push(result(robot.next().await));
         }
         let first = told.iter().position(|result| result.notice.is_some());

@@ -139,19 +139,19 @@ async fn no_more_uploads_are_taken_at_one_time_than_are_set() {
 const ONNX: &[u8] = b"passes for a network";
 
 /// The folder of a model that says that it uses a network.
-fn with_network(place: &TempDir) -> PathBuf {
+fn with_network(room: &TempDir) -> PathBuf {
     let network = CarriedNetwork::new(ONNX.to_vec(), b"size = [224, 224]".to_vec());
     let networks = Networks::from([("lite0".to_owned(), Arc::new(network))]);
-    let folder = place.path().join("1");
+    let folder = room.path().join("1");
     OTHER_MODEL.clone().with_networks(networks).save(&folder, &[]).unwrap();
     folder
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_version_brings_its_network_or_uses_the_one_that_is_there() {
-    let (models, place) = (models(), TempDir::new().unwrap());
+    let (models, room) = (models(), TempDir::new().unwrap());
     let server = Server::of(manual(&models)).await;
-    let folder = with_network(&place);
+    let folder = with_network(&room);
     let onnx = format!("{NETWORKS_FOLDER}/{}.onnx", Digest::of(ONNX));
     let bare = fs::read(folder.join("model.safetensors")).unwrap();
     let put = async |version: u64, body: Vec<u8>| {
@@ -184,9 +184,9 @@ async fn a_version_brings_its_network_or_uses_the_one_that_is_there() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_network_that_is_not_the_models_is_refused_and_nothing_is_left() {
-    let (models, place) = (models(), TempDir::new().unwrap());
+    let (models, room) = (models(), TempDir::new().unwrap());
     let server = Server::of(manual(&models)).await;
-    let folder = with_network(&place);
+    let folder = with_network(&room);
     let network = folder.join(format!("{NETWORKS_FOLDER}/{}.onnx", Digest::of(ONNX)));
     let stray = folder.join(format!("{NETWORKS_FOLDER}/{}.onnx", Digest::of(b"another")));
     for (path, content, reason) in [

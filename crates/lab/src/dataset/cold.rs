@@ -221,7 +221,7 @@ fn add_frames(dataset: &mut Dataset, sequence: &Sequence, folder: &Tree, camera:
         }
         dataset.frames.push(Frame {
             path: path.clone(),
-            place: line.place.clone(),
+            room: line.place.clone(),
             sequence: sequence.name.clone(),
             camera,
             split: String::new(),

@@ -54,10 +54,10 @@ impl Dataset {
             let described = frame.read_encoded(limits).and_then(|bytes| {
                 let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
                 let features = extractor.extract(&image, scratch);
-                let (place, sequence) = (frame.place.clone(), frame.sequence.clone());
+                let (room, sequence) = (frame.room.clone(), frame.sequence.clone());
                 let (digest, look) = (blake3::hash(&bytes), Look::of(&image));
                 let (name, pose) = (self.name_of(&frame.path), frame.pose);
-                let sample = Sample { place, sequence, name, pose, picture: Some(short(&digest)), features };
+                let sample = Sample { room, sequence, name, pose, picture: Some(short(&digest)), features };
                 Ok(Read { sample, digest, look, is_damaged: image.damaged_rows() > 0 })
             });
             on_frame();
@@ -121,7 +121,7 @@ impl Described {
         let mut copies = Vec::new();
         for same in same.into_values() {
             let (first, others) = (same[0], &same[1..]);
-            let is_elsewhere = |other: &&usize| self.samples[**other].place != self.samples[first].place;
+            let is_elsewhere = |other: &&usize| self.samples[**other].room != self.samples[first].room;
             if let Some(&elsewhere) = others.iter().find(is_elsewhere) {
                 let reason = "the same picture, byte for byte, lies in another room too: keep it in one";
                 copies.push(copied(first, elsewhere, reason));
@@ -140,7 +140,7 @@ impl Described {
         let is_lone = |idx: usize| self.samples[idx].sequence.is_empty();
         let mut copies: BTreeMap<usize, Copied> = BTreeMap::new();
         for [of_idx, sample_idx] in near_pairs(&self.looks.iter().collect::<Vec<_>>()) {
-            let is_same_room = self.samples[of_idx].place == self.samples[sample_idx].place;
+            let is_same_room = self.samples[of_idx].room == self.samples[sample_idx].room;
             if is_lone(of_idx) && is_lone(sample_idx) && is_same_room && !copies.contains_key(&of_idx) {
                 let path = |idx: usize| &dataset.frames[self.frame_idxs[idx]].path;
                 let reason = "nearly another picture of its room";

@@ -25,15 +25,15 @@ impl Dataset {
         self.format != Format::Folder
     }
 
-    /// What the drives tell of how robots move between `places`, which are sorted.
-    pub fn transitions(&self, places: &[String]) -> Transitions {
-        let place_idx = |frame: &Frame| places.binary_search(&frame.place).ok();
+    /// What the drives tell of how robots move between `rooms`, which are sorted.
+    pub fn transitions(&self, rooms: &[String]) -> Transitions {
+        let room_idx = |frame: &Frame| rooms.binary_search(&frame.room).ok();
         let step = |pair: &[Frame]| {
             let seconds = pair[0].seconds_to(&pair[1])?;
-            Some(Step { from: place_idx(&pair[0])?, to: place_idx(&pair[1])?, seconds })
+            Some(Step { from: room_idx(&pair[0])?, to: room_idx(&pair[1])?, seconds })
         };
         let pairs = self.frames.windows(2).filter(|_| self.is_in_order());
-        Transitions::learn(places.len(), pairs.filter_map(step))
+        Transitions::learn(rooms.len(), pairs.filter_map(step))
     }
 }
 
@@ -43,10 +43,10 @@ mod tests {
     use roomsight_vision::camera::CameraKind;
     use std::path::Path;
 
-    fn frame(sequence: &str, time: Option<f64>, place: &str) -> Frame {
+    fn frame(sequence: &str, time: Option<f64>, room: &str) -> Frame {
         Frame {
             path: "frame.jpg".into(),
-            place: place.to_owned(),
+            room: room.to_owned(),
             sequence: sequence.to_owned(),
             camera: CameraKind::Perspective,
             split: String::new(),
@@ -59,7 +59,7 @@ mod tests {
         Dataset { frames, ..Dataset::new(Path::new(""), Format::Manifest) }
     }
 
-    fn places() -> [String; 3] {
+    fn rooms() -> [String; 3] {
         ["bath", "hall", "kitchen"].map(str::to_owned)
     }
 
@@ -77,8 +77,8 @@ mod tests {
     #[test]
     fn a_drive_tells_where_robots_stay_and_go() {
         let frames = [(0.0, "hall"), (8.0, "hall"), (10.0, "bath"), (14.0, "hall"), (20.0, "hall")];
-        let frames = frames.map(|(time, place)| frame("a", Some(time), place));
-        let transitions = dataset(frames.to_vec()).transitions(&places());
+        let frames = frames.map(|(time, room)| frame("a", Some(time), room));
+        let transitions = dataset(frames.to_vec()).transitions(&rooms());
         assert_eq!(transitions.dwells(), [7.0, 13.0, 10.0]);
         assert_eq!(transitions.next().row(1), [0.75, 0.0, 0.25]);
     }
@@ -87,12 +87,12 @@ mod tests {
     fn nothing_is_learned_across_drives_or_from_frames_in_no_order() {
         let unlearned = Transitions::unlearned(3);
         let across = vec![frame("a", None, "hall"), frame("b", None, "bath"), frame("", None, "hall")];
-        assert_eq!(dataset(across).transitions(&places()), unlearned);
+        assert_eq!(dataset(across).transitions(&rooms()), unlearned);
         let unnamed = vec![frame("", None, "hall"), frame("", None, "bath")];
-        assert_eq!(dataset(unnamed).transitions(&places()), unlearned);
+        assert_eq!(dataset(unnamed).transitions(&rooms()), unlearned);
         let mut folder = dataset(vec![frame("a", None, "bath"), frame("a", None, "hall")]);
-        assert_ne!(folder.transitions(&places()), unlearned);
+        assert_ne!(folder.transitions(&rooms()), unlearned);
         folder.format = Format::Folder;
-        assert_eq!(folder.transitions(&places()), unlearned);
+        assert_eq!(folder.transitions(&rooms()), unlearned);
     }
 }

@@ -183,10 +183,10 @@ pub enum DatasetError {
         hint: String,
     },
     /// Every frame shows the same room.
-    #[error("every frame shows `{place}`: add frames of at least one other room")]
-    OnePlace {
+    #[error("every frame shows `{room}`: add frames of at least one other room")]
+    OneRoom {
         /// That room.
-        place: String,
+        room: String,
     },
     /// Rooms that people, and systems that ignore case, take for one.
     #[error(

@@ -138,20 +138,28 @@ fn split_note(level: &Tree) -> String {
 
 fn add_rooms(dataset: &mut Dataset, level: &Tree, split: &str) {
     add_strays(dataset, level);
-    for room in &level.folders {
-        if is_camera_folder(room) {
-            leave_out(dataset, room.all_pictures(), "in a camera's folder: put it into the folder of a room");
+    for folder in &level.folders {
+        if is_camera_folder(folder) {
+            leave_out(
+                dataset,
+                folder.all_pictures(),
+                "in a camera's folder: put it into the folder of a room",
+            );
             continue;
         }
-        let Some(place) = room.path.file_name().and_then(|name| name.to_str()) else {
-            leave_out(dataset, room.all_pictures(), "the name of its room is not UTF-8: rename that folder");
+        let Some(room) = folder.path.file_name().and_then(|name| name.to_str()) else {
+            leave_out(
+                dataset,
+                folder.all_pictures(),
+                "the name of its room is not UTF-8: rename that folder",
+            );
             continue;
         };
-        let labels = Labels { place, sequence: "", split };
-        if room.has_pictures() {
-            add_room(dataset, room, &labels);
+        let labels = Labels { room, sequence: "", split };
+        if folder.has_pictures() {
+            add_room(dataset, folder, &labels);
         } else {
-            dataset.report(&room.path, "a room without a frame");
+            dataset.report(&folder.path, "a room without a frame");
         }
     }
 }
@@ -163,7 +171,7 @@ fn add_strays(dataset: &mut Dataset, level: &Tree) {
 /// What the folders say of the frames in them.
 #[derive(Clone, Copy)]
 struct Labels<'a> {
-    place: &'a str,
+    room: &'a str,
     sequence: &'a str,
     split: &'a str,
 }
@@ -193,7 +201,7 @@ fn add_room(dataset: &mut Dataset, room: &Tree, labels: &Labels) {
 fn add_frames(dataset: &mut Dataset, folder: &Tree, labels: &Labels) {
     dataset.frames.extend(folder.pictures.iter().map(|path| Frame {
         path: path.clone(),
-        place: labels.place.to_owned(),
+        room: labels.room.to_owned(),
         sequence: labels.sequence.to_owned(),
         camera: CameraKind::Perspective,
         split: labels.split.to_owned(),

@@ -1,6 +1,6 @@
-//! A `frames.csv` manifest: the columns `file,place,sequence,camera,split`, found by name.
+//! A `frames.csv` manifest: the columns `file,room,sequence,camera,split`, found by name.
 //!
-//! `file` is relative to the manifest. Only `file` and `place` must be there; other columns are
+//! `file` is relative to the manifest. Only `file` and `room` must be there; other columns are
 //! ignored. A row with an empty place is counted as unlabeled. The camera defaults to perspective.
 //!
 //! Columns are separated as the headings are: by commas, semicolons or tabs. Headings and cameras may be
@@ -107,18 +107,18 @@ fn parse(text: &str, path: &Path) -> Result<Dataset, DatasetError> {
             }
         };
         let frame = frame(&row, path, line)?;
-        if let Some((first, place)) = line_of.get(&frame.path) {
-            let problem = if *place == frame.place {
+        if let Some((first, room)) = line_of.get(&frame.path) {
+            let problem = if *room == frame.room {
                 problem("its file is listed a second time").with(format!("as in line {first}"))
             } else {
-                let detail = format!("`{}`, and `{place}` in line {first}", frame.place);
+                let detail = format!("`{}`, and `{room}` in line {first}", frame.room);
                 problem("its file is listed a second time, as another room").with(detail)
             };
             dataset.problems.push(problem);
             continue;
         }
-        line_of.insert(frame.path.clone(), (line, frame.place.clone()));
-        if frame.place.is_empty() { dataset.n_unlabeled += 1 } else { dataset.frames.push(frame) }
+        line_of.insert(frame.path.clone(), (line, frame.room.clone()));
+        if frame.room.is_empty() { dataset.n_unlabeled += 1 } else { dataset.frames.push(frame) }
     }
     Ok(dataset)
 }
@@ -204,7 +204,7 @@ const COLUMNS: [&str; 5] = ["file", "place", "sequence", "camera", "split"];
 /// Where the columns are.
 struct Columns {
     file: usize,
-    place: usize,
+    room: usize,
     sequence: Option<usize>,
     camera: Option<usize>,
     split: Option<usize>,
@@ -214,7 +214,7 @@ struct Columns {
 /// The fields of a row, which may be empty but for the file.
 struct Row<'a> {
     file: &'a str,
-    place: &'a str,
+    room: &'a str,
     sequence: &'a str,
     camera: &'a str,
     split: &'a str,
@@ -234,7 +234,7 @@ impl Columns {
         let need = |column| find(column)?.ok_or_else(|| fail("no column", column));
         Ok(Self {
             file: need("file")?,
-            place: need("place")?,
+            room: need("place")?,
             sequence: find("sequence")?,
             camera: find("camera")?,
             split: find("split")?,
@@ -247,13 +247,13 @@ impl Columns {
         let get = |idx: Option<usize>| idx.and_then(|idx| record.get(idx)).unwrap_or_default();
         let row = Row {
             file: get(Some(self.file)),
-            place: get(Some(self.place)),
+            room: get(Some(self.room)),
             sequence: get(self.sequence),
             camera: get(self.camera),
             split: get(self.split),
         };
         if record.iter().any(|field| field.contains(['\n', '\r']) && field.len() > MAX_FIELD_BYTES)
-            || [row.file, row.place, row.sequence].iter().any(|field| field.contains(['\n', '\r']))
+            || [row.file, row.room, row.sequence].iter().any(|field| field.contains(['\n', '\r']))
         {
             Err(
                 "a quote that is opened here is not closed in its line: all lines up to the next quote are left out",
@@ -262,7 +262,7 @@ impl Columns {
             Err("more fields than headings: a field that holds the delimiter must be in quotes")
         } else if row.file.is_empty() {
             Err("names no file")
-        } else if record.len() <= self.place {
+        } else if record.len() <= self.room {
             Err("ends before the column place")
         } else {
             Ok(row)
@@ -305,7 +305,7 @@ fn frame(row: &Row, path: &Path, line: u64) -> Result<Frame, DatasetError> {
     };
     Ok(Frame {
         path: path.with_file_name(file),
-        place: row.place.to_owned(),
+        room: row.room.to_owned(),
         sequence: row.sequence.to_owned(),
         camera,
         split: row.split.to_owned(),
@@ -329,10 +329,7 @@ mod tests {
         let dataset = parsed(text).unwrap();
         let frame = &dataset.frames[0];
         assert_eq!(frame.path, Path::new("set/a/1.jpg"));
-        assert_eq!(
-            (frame.place.as_str(), frame.sequence.as_str(), frame.split.as_str()),
-            ("kitchen", "", "")
-        );
+        assert_eq!((frame.room.as_str(), frame.sequence.as_str(), frame.split.as_str()), ("kitchen", "", ""));
         assert_eq!(frame.camera, CameraKind::Omnidirectional);
         assert!(dataset.problems.is_empty());
     }
@@ -363,13 +360,13 @@ mod tests {
         }
     }
 
-    /// `file:place` of each frame; there must be no problem.
+    /// `file:room` of each frame; there must be no problem.
     fn labels(text: &str) -> Vec<String> {
         let dataset = parsed(text).unwrap();
         assert_eq!(dataset.problems, [], "{text}");
         let label = |frame: &Frame| {
             let file = frame.path.strip_prefix("set").unwrap().display();
-            format!("{file}:{}", frame.place)
+            format!("{file}:{}", frame.room)
         };
         dataset.frames.iter().map(label).collect()
     }

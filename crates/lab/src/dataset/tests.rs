@@ -21,9 +21,9 @@ fn tree(files: &[&str]) -> TempDir {
     folder
 }
 
-/// `sequence:place:name` of each frame.
+/// `sequence:room:name` of each frame.
 fn frames(dataset: &Dataset) -> Vec<String> {
-    let describe = |frame: &Frame| format!("{}:{}:{}", frame.sequence, frame.place, files::name(&frame.path));
+    let describe = |frame: &Frame| format!("{}:{}:{}", frame.sequence, frame.room, files::name(&frame.path));
     dataset.frames.iter().map(describe).collect()
 }
 
@@ -70,7 +70,7 @@ fn a_folder_a_room() {
     let dataset = open(set.path()).unwrap();
     assert_eq!(dataset.format, Format::Folder);
     assert_eq!(frames(&dataset), [":kitchen:9.JPG", ":kitchen:10.jpg", "day1:hall:1.png"]);
-    assert_eq!(dataset.places(), ["hall", "kitchen"]);
+    assert_eq!(dataset.rooms(), ["hall", "kitchen"]);
     assert_eq!(
         told(&set, &dataset.problems),
         [
@@ -179,7 +179,7 @@ fn cold_frames_that_were_encoded_anew_keep_their_labels() {
         "seq1_sunny1/std_cam/t2.0_x1.5_y0.0_a-1.0.webp",
     ]);
     let dataset = open(set.path()).unwrap();
-    assert_eq!(dataset.places(), ["corridor", "kitchen"]);
+    assert_eq!(dataset.rooms(), ["corridor", "kitchen"]);
     assert_eq!(reasons(&dataset), ["the same frame as another file beside it, but for the ending"]);
     assert_eq!(dataset.notes, []);
 }

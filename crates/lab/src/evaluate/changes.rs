@@ -10,7 +10,7 @@ pub const N_HELD: usize = 3;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StreamAnswer<'a> {
     /// The room that the frame shows.
-    pub place: &'a str,
+    pub room: &'a str,
     /// The room that was answered.
     pub answered: &'a str,
     /// Since the frame before, in seconds; none where a drive begins.
@@ -48,7 +48,7 @@ impl Changes {
         let mut changes = Self::default();
         for drive in answers.chunk_by(|_, next| next.elapsed.is_some()) {
             changes.n_answered += drive.chunk_by(|this, next| this.answered == next.answered).count() - 1;
-            for visit in drive.chunk_by(|this, next| this.place == next.place).skip(1) {
+            for visit in drive.chunk_by(|this, next| this.room == next.room).skip(1) {
                 changes.n_changes += 1;
                 let Some(n_late) = first_held(visit) else {
                     changes.n_missed += 1;
@@ -75,7 +75,7 @@ impl Lateness {
 /// The first frame of a visit from which on the answer holds.
 fn first_held(visit: &[StreamAnswer]) -> Option<usize> {
     (0..visit.len())
-        .find(|&first| visit[first..].iter().take(N_HELD).all(|answer| answer.answered == answer.place))
+        .find(|&first| visit[first..].iter().take(N_HELD).all(|answer| answer.answered == answer.room))
 }
 
 #[cfg(test)]
@@ -83,14 +83,14 @@ mod tests {
     use super::*;
 
     /// One frame a letter, half a second apart.
-    fn drive<'a>(places: &'a str, answered: &'a str) -> Vec<StreamAnswer<'a>> {
-        assert_eq!(places.len(), answered.len());
+    fn drive<'a>(rooms: &'a str, answered: &'a str) -> Vec<StreamAnswer<'a>> {
+        assert_eq!(rooms.len(), answered.len());
         let answer = |idx: usize| StreamAnswer {
-            place: &places[idx..=idx],
+            room: &rooms[idx..=idx],
             answered: &answered[idx..=idx],
             elapsed: (idx > 0).then_some(0.5),
         };
-        (0..places.len()).map(answer).collect()
+        (0..rooms.len()).map(answer).collect()
     }
 
     #[test]

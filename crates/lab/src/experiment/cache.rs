@@ -51,7 +51,7 @@ mod tests {
     fn answers_come_back_and_damaged_ones_count_as_none() {
         let folder = tempfile::tempdir().unwrap();
         let cache = Cache::open(folder.path()).unwrap();
-        let answers = vec![FrameAnswer { frame_idx: 3, place: "corridor".to_owned(), n_keypoints: 120 }];
+        let answers = vec![FrameAnswer { frame_idx: 3, room: "corridor".to_owned(), n_keypoints: 120 }];
         let get = || cache.get::<Vec<FrameAnswer>>("a");
         assert_eq!(get(), None);
         cache.put("a", &answers).unwrap();

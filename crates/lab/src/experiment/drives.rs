@@ -49,7 +49,7 @@ impl Drives {
         let mut drives = Vec::new();
         for (sequence, mut dataset) in by_sequence {
             let Some(name) = SequenceName::parse(sequence) else { continue };
-            if dataset.places().len() < 2 {
+            if dataset.rooms().len() < 2 {
                 return Err(ExperimentError::OneRoom(sequence.to_owned()));
             }
             if !dataset.frames.iter().any(|frame| frame.read(&Limits::default()).is_ok()) {
@@ -167,7 +167,7 @@ fn digest(dataset: &Dataset, camera: &Camera) -> String {
     for frame in &dataset.frames {
         let bytes = fs::read(&frame.path).unwrap_or_default();
         hasher.update(blake3::hash(&bytes).as_bytes());
-        hasher.update(blake3::hash(frame.place.as_bytes()).as_bytes());
+        hasher.update(blake3::hash(frame.room.as_bytes()).as_bytes());
         let pose = frame.pose.map(|pose| [pose.x, pose.y, pose.angle].map(f64::to_le_bytes));
         hasher.update(pose.unwrap_or_default().as_flattened());
     }

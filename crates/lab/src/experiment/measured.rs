@@ -10,7 +10,8 @@ pub struct FrameAnswer {
     /// Which frame of the drive.
     pub frame_idx: usize,
     /// The room that was answered.
-    pub place: String,
+    #[serde(rename = "place")]
+    pub room: String,
     /// How many keypoints the answer rests on.
     pub n_keypoints: usize,
 }
@@ -149,8 +150,8 @@ fn evaluate(drives: &Drives, answers: &[(usize, Vec<FrameAnswer>)]) -> Evaluatio
     let answers = answers.iter().flat_map(|(drive_idx, answers)| {
         let drive = drives.get(*drive_idx);
         answers.iter().map(move |answer| Answer {
-            place: &drive.dataset.frames[answer.frame_idx].place,
-            answered: &answer.place,
+            room: &drive.dataset.frames[answer.frame_idx].room,
+            answered: &answer.room,
             near_border: drive.near_border[answer.frame_idx],
         })
     });

@@ -212,11 +212,11 @@ impl Runner<'_> {
             let answered = validate::answer(model, &described.samples, sample_idx);
             FrameAnswer {
                 frame_idx: described.frame_idxs[sample_idx],
-                place: answered.place,
+                room: answered.room,
                 n_keypoints: answered.recognition.n_keypoints,
             }
         };
-        let is_trained = |&idx: &usize| model.places().binary_search(&described.samples[idx].place).is_ok();
+        let is_trained = |&idx: &usize| model.rooms().binary_search(&described.samples[idx].room).is_ok();
         Ok((0..described.samples.len()).into_par_iter().filter(is_trained).map(answer).collect())
     }
 

@@ -43,7 +43,7 @@ pub struct SequenceSummary {
     /// Frames of each camera.
     pub n_frames: usize,
     /// How many frames of each place, by label.
-    pub n_frames_by_place: BTreeMap<String, usize>,
+    pub n_frames_by_room: BTreeMap<String, usize>,
     /// Whether it was there already, made by the same code from the same specification.
     pub was_kept: bool,
 }
@@ -78,11 +78,11 @@ impl Simulation {
             fs::rename(&partial, &folder).map_err(failed(&folder))?;
             records.add(record)?;
         }
-        let mut n_frames_by_place = BTreeMap::new();
+        let mut n_frames_by_room = BTreeMap::new();
         for frame_idx in 0..self.n_frames() {
-            *n_frames_by_place.entry(self.place(frame_idx).to_owned()).or_default() += 1;
+            *n_frames_by_room.entry(self.place(frame_idx).to_owned()).or_default() += 1;
         }
-        Ok(SequenceSummary { folder, n_frames: self.n_frames(), n_frames_by_place, was_kept })
+        Ok(SequenceSummary { folder, n_frames: self.n_frames(), n_frames_by_room, was_kept })
     }
 }
 

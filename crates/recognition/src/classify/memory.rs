@@ -109,7 +109,7 @@ impl MemoryError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Origin {
     /// Its room.
-    pub place_idx: usize,
+    pub room_idx: usize,
     /// The caller's number for the frame, which stays when other frames are forgotten.
     pub frame_idx: usize,
 }
@@ -152,25 +152,25 @@ impl Prepared {
     }
 
     /// A memory of some of the frames, in the order of `chosen`: the index of each with its origin. The places are
-    /// below `n_places`. More descriptors than are to be kept are thinned out as by [`Memory::learn`].
+    /// below `n_rooms`. More descriptors than are to be kept are thinned out as by [`Memory::learn`].
     ///
     /// # Panics
     /// When there is no such frame or place.
-    pub fn memory(&self, chosen: &[(usize, Origin)], n_places: usize) -> Memory {
+    pub fn memory(&self, chosen: &[(usize, Origin)], n_rooms: usize) -> Memory {
         let mut rows = Rows::default();
         for (remembered_idx, &(frame_idx, _)) in chosen.iter().enumerate() {
             let Coded { codes, words } = &self.frames[frame_idx];
             rows.extend(codes, words, remembered_idx as u32);
         }
         let origins: Vec<Origin> = chosen.iter().map(|&(_, origin)| origin).collect();
-        assert!(origins.iter().all(|origin| origin.place_idx < n_places), "a place that there is not");
+        assert!(origins.iter().all(|origin| origin.room_idx < n_rooms), "a place that there is not");
         let mut memory = Memory {
             config: self.config.clone(),
             lists: Lists::new(&rows, self.words.n_words(), self.coding.n_dimensions()),
             coding: Arc::clone(&self.coding),
             words: Arc::clone(&self.words),
             origins,
-            n_places,
+            n_rooms,
         };
         memory.thin();
         memory
@@ -186,7 +186,7 @@ pub struct Memory {
     lists: Lists,
     /// Of each remembered frame.
     origins: Vec<Origin>,
-    n_places: usize,
+    n_rooms: usize,
 }
 
 /// What a memory is made of, to be written and read.
@@ -227,8 +227,8 @@ impl Memory {
     }
 
     /// The number of places that frames may be of.
-    pub fn n_places(&self) -> usize {
-        self.n_places
+    pub fn n_rooms(&self) -> usize {
+        self.n_rooms
     }
 
     /// How descriptors are kept.
@@ -246,11 +246,11 @@ impl Memory {
     /// memory of a frame a room may remain above its bound.
     ///
     /// # Panics
-    /// When descriptors are of another width, or a place is not below [`Memory::n_places`].
+    /// When descriptors are of another width, or a place is not below [`Memory::n_rooms`].
     pub fn learn(&mut self, frames: &[(&Matrix, Origin)], seed: u64) {
         let mut rows = self.lists.rows();
         for &(descriptors, origin) in frames {
-            assert!(origin.place_idx < self.n_places, "a place that there is not");
+            assert!(origin.room_idx < self.n_rooms, "a place that there is not");
             let codes = self.coding.code(descriptors);
             rows.extend(&codes, &self.words.assign(&codes), self.origins.len() as u32);
             self.origins.push(origin);
@@ -270,16 +270,16 @@ impl Memory {
         self.keep(&kept);
     }
 
-    /// Numbers the places, of which there are `n_places` from now on, and the frames anew.
+    /// Numbers the places, of which there are `n_rooms` from now on, and the frames anew.
     ///
     /// # Panics
-    /// When a place is not below `n_places`.
-    pub fn renumber(&mut self, n_places: usize, renumbered: impl Fn(&Origin) -> Origin) {
+    /// When a place is not below `n_rooms`.
+    pub fn renumber(&mut self, n_rooms: usize, renumbered: impl Fn(&Origin) -> Origin) {
         for origin in &mut self.origins {
             *origin = renumbered(origin);
-            assert!(origin.place_idx < n_places, "a place that there is not");
+            assert!(origin.room_idx < n_rooms, "a place that there is not");
         }
-        self.n_places = n_places;
+        self.n_rooms = n_rooms;
     }
 
     /// What the memory says of a frame with these descriptors.
@@ -323,7 +323,7 @@ impl Memory {
     ///
     /// # Errors
     /// Parts that do not fit together, parameters out of range.
-    pub fn from_parts(parts: Parts, config: &Config, n_places: usize) -> Result<Self, MemoryError> {
+    pub fn from_parts(parts: Parts, config: &Config, n_rooms: usize) -> Result<Self, MemoryError> {
         config.check().map_err(MemoryError::Damaged)?;
         let require = |holds: bool, otherwise: &str| match holds {
             true => Ok(()),
@@ -345,7 +345,7 @@ impl Memory {
             "a descriptor is of a frame that there is not",
         )?;
         require(
-            parts.origins.iter().all(|origin| origin.place_idx < n_places),
+            parts.origins.iter().all(|origin| origin.room_idx < n_rooms),
             "a frame is of a place that there is not",
         )?;
         let lists = (0u32..).zip(&parts.list_lengths);
@@ -357,14 +357,14 @@ impl Memory {
             coding: Arc::new(coding),
             words: Arc::new(words),
             origins: parts.origins,
-            n_places,
+            n_rooms,
         })
     }
 
     /// Forgets frames until few enough descriptors are left.
     fn thin(&mut self) {
         if self.n_descriptors() > self.config.max_descriptors {
-            let kept = thin::kept(&self.lists, &self.origins, self.n_places, self.config.max_descriptors);
+            let kept = thin::kept(&self.lists, &self.origins, self.n_rooms, self.config.max_descriptors);
             self.keep(&kept);
         }
     }

@@ -11,31 +11,31 @@ fn rooms(probabilities: &[f32]) -> Observation<'_> {
     Observation { probabilities, novelty: None }
 }
 
-/// Transitions between `n_places` rooms of any kind.
-fn any_transitions(n_places: usize) -> impl Strategy<Value = Transitions> {
-    let dwells = prop::collection::vec(0.5f32..60.0, n_places);
-    let weights = prop::collection::vec(0.01f32..1.0, n_places * n_places);
+/// Transitions between `n_rooms` rooms of any kind.
+fn any_transitions(n_rooms: usize) -> impl Strategy<Value = Transitions> {
+    let dwells = prop::collection::vec(0.5f32..60.0, n_rooms);
+    let weights = prop::collection::vec(0.01f32..1.0, n_rooms * n_rooms);
     (dwells, weights).prop_map(move |(dwells, weights)| {
-        let mut next = Matrix::from_vec(weights, n_places).unwrap();
-        for from in 0..n_places {
+        let mut next = Matrix::from_vec(weights, n_rooms).unwrap();
+        for from in 0..n_rooms {
             let row = next.row_mut(from);
             row[from] = 0.0;
             let sum: f32 = row.iter().sum();
             row.iter_mut().for_each(|to| *to /= sum);
         }
-        Transitions::from_parts(n_places, dwells, next).unwrap()
+        Transitions::from_parts(n_rooms, dwells, next).unwrap()
     })
 }
 
-fn any_probabilities(n_places: usize) -> impl Strategy<Value = Vec<f32>> {
-    prop::collection::vec(prop_oneof![4 => 0.001f32..1.0, 1 => Just(0.0)], n_places)
+fn any_probabilities(n_rooms: usize) -> impl Strategy<Value = Vec<f32>> {
+    prop::collection::vec(prop_oneof![4 => 0.001f32..1.0, 1 => Just(0.0)], n_rooms)
 }
 
 /// The matrix of a hidden Markov model in discrete time: a million tiny steps, each so short that at most
 /// one change of room falls into it.
 fn discrete(transitions: &Transitions, elapsed: f64) -> Vec<Vec<f64>> {
     const N_DOUBLINGS: i32 = 20;
-    let n_places = transitions.dwells().len();
+    let n_rooms = transitions.dwells().len();
     let step = elapsed / f64::from(1 << N_DOUBLINGS);
     let entry = |from: usize, to: usize| {
         let leaving = step / f64::from(transitions.dwells()[from]);
@@ -43,12 +43,12 @@ fn discrete(transitions: &Transitions, elapsed: f64) -> Vec<Vec<f64>> {
         if from == to { 1.0 - leaving } else { leaving * next }
     };
     let mut matrix: Vec<Vec<f64>> =
-        (0..n_places).map(|from| (0..n_places).map(|to| entry(from, to)).collect()).collect();
+        (0..n_rooms).map(|from| (0..n_rooms).map(|to| entry(from, to)).collect()).collect();
     for _ in 0..N_DOUBLINGS {
         let old = matrix.clone();
         for (from, row) in matrix.iter_mut().enumerate() {
             for (to, value) in row.iter_mut().enumerate() {
-                *value = (0..n_places).map(|via| old[from][via] * old[via][to]).sum();
+                *value = (0..n_rooms).map(|via| old[from][via] * old[via][to]).sum();
             }
         }
     }
@@ -104,7 +104,7 @@ fn a_single_wrong_frame_does_not_change_the_room_but_several_do() {
     let mut filter = RoomFilter::new(3, trust(0.5));
     let mut answer = |probabilities: [f32; 3]| {
         filter.update(&transitions, 0.2, rooms(&probabilities));
-        filter.place_idx()
+        filter.room_idx()
     };
     (0..10).for_each(|_| assert_eq!(answer([0.8, 0.1, 0.1]), 0));
     assert_eq!(answer([0.1, 0.8, 0.1]), 0);
@@ -185,7 +185,7 @@ fn a_room_that_was_ruled_out_comes_back() {
         for _ in 0..n_frames {
             filter.update(&transitions, 0.2, rooms(&probabilities));
         }
-        filter.place_idx()
+        filter.room_idx()
     };
     assert_eq!(answer_after(1000, [1.0, 0.0]), 0);
     assert_eq!(answer_after(3, [0.0, 1.0]), 1);
@@ -244,7 +244,7 @@ proptest! {
         let mut belief = [0.0; 4];
         belief[start] = 1.0;
         let after = transitions.predict(&belief, 1e7);
-        let rate = |place_idx: usize| after[place_idx] / f64::from(transitions.dwells()[place_idx]);
+        let rate = |room_idx: usize| after[room_idx] / f64::from(transitions.dwells()[room_idx]);
         for to in 0..4 {
             let arriving: f64 =
                 (0..4).map(|from| rate(from) * f64::from(transitions.next().row(from)[to])).sum();

@@ -63,22 +63,22 @@ pub enum TransitionsError {
 
 impl Transitions {
     /// Where nothing was learned: all rooms alike, 20 seconds in each.
-    pub fn unlearned(n_places: usize) -> Self {
-        Self::learn(n_places, [])
+    pub fn unlearned(n_rooms: usize) -> Self {
+        Self::learn(n_rooms, [])
     }
 
-    /// Learns from all steps of drives between `n_places` rooms.
+    /// Learns from all steps of drives between `n_rooms` rooms.
     ///
     /// The mean dwell of a room is the time spent there over the number of departures, the maximum
     /// likelihood also where drives begin and end within visits; where a robot goes is counted. No room is
     /// taken at its word alone: each gets one more visit, which lasts as long as the mean of all rooms and
     /// goes on to every other room alike. So no transition is impossible.
     ///
-    /// Panics when a room is not below `n_places`.
-    pub fn learn(n_places: usize, steps: impl IntoIterator<Item = Step>) -> Self {
-        let mut seconds = vec![0.0; n_places];
-        let mut n_departures = vec![0.0; n_places];
-        let mut counts = vec![vec![0.0; n_places]; n_places];
+    /// Panics when a room is not below `n_rooms`.
+    pub fn learn(n_rooms: usize, steps: impl IntoIterator<Item = Step>) -> Self {
+        let mut seconds = vec![0.0; n_rooms];
+        let mut n_departures = vec![0.0; n_rooms];
+        let mut counts = vec![vec![0.0; n_rooms]; n_rooms];
         for step in steps {
             seconds[step.from] += sensible(step.seconds);
             if step.from != step.to {
@@ -92,8 +92,8 @@ impl Transitions {
             ((seconds + mean) / (n_departures + 1.0)).clamp(DWELL_RANGE.0, DWELL_RANGE.1) as f32
         };
         let dwells = seconds.iter().zip(&n_departures).map(dwell).collect();
-        let share = 1.0 / (n_places.max(2) - 1) as f64;
-        let mut next = Matrix::zeros(n_places, n_places);
+        let share = 1.0 / (n_rooms.max(2) - 1) as f64;
+        let mut next = Matrix::zeros(n_rooms, n_rooms);
         for (from, (counts, n_departures)) in counts.iter().zip(&n_departures).enumerate() {
             let row = next.row_mut(from);
             for (to, count) in counts.iter().enumerate().filter(|&(to, _)| to != from) {
@@ -103,28 +103,28 @@ impl Transitions {
         Self { dwells, next }
     }
 
-    /// Puts transitions between `n_places` rooms together from their arrays, as [`Transitions::dwells`] and
+    /// Puts transitions between `n_rooms` rooms together from their arrays, as [`Transitions::dwells`] and
     /// [`Transitions::next`] gave them.
     ///
     /// # Errors
     /// Other shapes, a dwell that is not from 0.1 to 1,000,000 seconds, a row that is no distribution over
     /// the other rooms.
-    pub fn from_parts(n_places: usize, dwells: Vec<f32>, next: Matrix) -> Result<Self, TransitionsError> {
+    pub fn from_parts(n_rooms: usize, dwells: Vec<f32>, next: Matrix) -> Result<Self, TransitionsError> {
         for found in [dwells.len(), next.n_rows(), next.n_cols()] {
-            if found != n_places {
-                return Err(TransitionsError::Shape { found, expected: n_places });
+            if found != n_rooms {
+                return Err(TransitionsError::Shape { found, expected: n_rooms });
             }
         }
         let range = DWELL_RANGE.0 as f32..=DWELL_RANGE.1 as f32;
-        if let Some(place_idx) = dwells.iter().position(|dwell| !range.contains(dwell)) {
-            return Err(TransitionsError::Dwell(place_idx));
+        if let Some(room_idx) = dwells.iter().position(|dwell| !range.contains(dwell)) {
+            return Err(TransitionsError::Dwell(room_idx));
         }
         let is_distribution = |(from, row): (usize, &[f32])| {
             let sum: f32 = row.iter().sum();
             row[from] == 0.0 && row.iter().all(|&to| to >= 0.0) && (sum - 1.0).abs() <= SUM_TOLERANCE
         };
         let wrong = next.rows().enumerate().position(|row| !is_distribution(row));
-        wrong.map_or(Ok(Self { dwells, next }), |place_idx| Err(TransitionsError::Next(place_idx)))
+        wrong.map_or(Ok(Self { dwells, next }), |room_idx| Err(TransitionsError::Next(room_idx)))
     }
 
     /// The mean time that a robot stays, one a room, in seconds.
@@ -153,9 +153,9 @@ impl Transitions {
         }
         let n_doublings = (n_jumps / MAX_JUMPS).log2().ceil() as i32;
         let n_jumps = n_jumps / f64::from(n_doublings).exp2();
-        let surely = |place_idx: usize| (0..belief.len()).map(|idx| f64::from(idx == place_idx)).collect();
+        let surely = |room_idx: usize| (0..belief.len()).map(|idx| f64::from(idx == room_idx)).collect();
         let mut over_time: Vec<Vec<f64>> =
-            (0..belief.len()).map(|place_idx| self.after_jumps(surely(place_idx), n_jumps)).collect();
+            (0..belief.len()).map(|room_idx| self.after_jumps(surely(room_idx), n_jumps)).collect();
         for _ in 0..n_doublings {
             over_time = over_time.iter().map(|row| weighted_sum(row, &over_time)).collect();
         }

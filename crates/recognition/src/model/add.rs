@@ -81,17 +81,17 @@ impl Model {
 
     /// The same model, which answers are known judged by frames of elsewhere too.
     fn beside<'a>(self, elsewhere: impl Iterator<Item = &'a Sample>) -> Result<Self, TrainError> {
-        let n_places = self.places.len();
+        let n_rooms = self.rooms.len();
         let mut left_out = self.left_out.clone();
         for (idx, sample) in elsewhere.enumerate() {
             let said = self.classification.said(&sample.features);
             if said.iter().any(Option::is_some) {
-                left_out.push(Decided { label: idx % n_places, said });
+                left_out.push(Decided { label: idx % n_rooms, said });
             }
         }
         let left_out = left_out.thinned();
         let opinions = self.classification.opinions.clone();
-        let classification = self.refitted(opinions, [&self.held_out, &left_out], n_places)?;
+        let classification = self.refitted(opinions, [&self.held_out, &left_out], n_rooms)?;
         Ok(Self { classification, left_out, ..self })
     }
 
@@ -120,39 +120,39 @@ impl Model {
         }
         let goes = |frame_idx: usize| match forgotten {
             Forgotten::Drive(drive) => self.learned.drive(frame_idx) == drive,
-            Forgotten::Place(place) => self.places[self.learned.labels[frame_idx]] == place,
+            Forgotten::Place(room) => self.rooms[self.learned.labels[frame_idx]] == room,
         };
         let is_left: Vec<bool> = (0..self.learned.n_frames()).map(|frame_idx| !goes(frame_idx)).collect();
         if is_left.iter().all(|&is_left| is_left) {
             return Err(self.never_learned(forgotten));
         }
         let left_frames = is_left.iter().zip(&self.learned.labels).filter(|(is_left, _)| **is_left);
-        let left_places: BTreeSet<usize> = left_frames.map(|(_, &label)| label).collect();
-        let left_places: Vec<usize> = left_places.into_iter().collect();
-        if left_places.len() < 2 {
-            return Err(AddError::TooFewLeft(left_places.len()));
+        let left_rooms: BTreeSet<usize> = left_frames.map(|(_, &label)| label).collect();
+        let left_rooms: Vec<usize> = left_rooms.into_iter().collect();
+        if left_rooms.len() < 2 {
+            return Err(AddError::TooFewLeft(left_rooms.len()));
         }
-        let learned = self.learned.left(&is_left, &left_places);
-        let places: Vec<String> = left_places.iter().map(|&idx| self.places[idx].clone()).collect();
-        let left = Left { is_left: &is_left, labels: &learned.labels, n_places: places.len() };
+        let learned = self.learned.left(&is_left, &left_rooms);
+        let rooms: Vec<String> = left_rooms.iter().map(|&idx| self.rooms[idx].clone()).collect();
+        let left = Left { is_left: &is_left, labels: &learned.labels, n_rooms: rooms.len() };
         let [held_out, left_out] =
-            [&self.held_out, &self.left_out].map(|frames| frames.narrowed(&self.config, &left_places));
+            [&self.held_out, &self.left_out].map(|frames| frames.narrowed(&self.config, &left_rooms));
         let trained = self.classification.opinions.iter().map(|opinion| opinion.trained.without(&left));
         let trained = trained.collect::<Result<Vec<_>, _>>()?;
         let opinions = self.classification.opinions.iter().zip(trained);
         let opinions = opinions
             .map(|(opinion, trained)| Opinion { trained: Arc::new(trained), ..opinion.clone() })
             .collect();
-        let is_same = places == self.places;
+        let is_same = rooms == self.rooms;
         let transitions =
-            if is_same { self.transitions.clone() } else { Transitions::unlearned(places.len()) };
+            if is_same { self.transitions.clone() } else { Transitions::unlearned(rooms.len()) };
         let mut card = self.card.clone();
         card.n_frames = learned.n_frames();
         if let Forgotten::Drive(drive) = forgotten {
             card.sequences.retain(|sequence| sequence != drive);
         }
-        let classification = self.refitted(opinions, [&held_out, &left_out], places.len())?;
-        Ok(Self { places, classification, learned, held_out, left_out, transitions, card, ..self.clone() })
+        let classification = self.refitted(opinions, [&held_out, &left_out], rooms.len())?;
+        Ok(Self { rooms, classification, learned, held_out, left_out, transitions, card, ..self.clone() })
     }
 
     fn never_learned(&self, forgotten: Forgotten) -> AddError {
@@ -162,7 +162,7 @@ impl Model {
                     (0..self.learned.n_frames()).map(|frame_idx| self.learned.drive(frame_idx)).collect();
                 ("drive", drive, Vec::from_iter(drives))
             }
-            Forgotten::Place(place) => ("room", place, self.places.iter().map(String::as_str).collect()),
+            Forgotten::Place(room) => ("room", room, self.rooms.iter().map(String::as_str).collect()),
         };
         let learned = if known == [""] {
             "its frames came without the names of their drives".to_owned()
@@ -177,14 +177,14 @@ impl Model {
         &self,
         mut opinions: Vec<Opinion>,
         [held_out, left_out]: [&HeldOutFrames; 2],
-        n_places: usize,
+        n_rooms: usize,
     ) -> Result<Classification, TrainError> {
         let decided: Vec<&Decided> = held_out.iter().collect();
-        let fusion = Fusion::fit(&self.config, n_places, &decided, &decided)?;
+        let fusion = Fusion::fit(&self.config, n_rooms, &decided, &decided)?;
         // What tells new places was fitted to all rooms of before, and stays.
         let novelty = self.classification.novelty.clone();
         let outcome = |decided: &Decided| {
-            let answer = fusion.answer(&self.config, decided, n_places);
+            let answer = fusion.answer(&self.config, decided, n_rooms);
             answer.outcome(novelty.as_ref().map(|novelty| novelty.of(&answer.signs)))
         };
         let [of_held_out, of_left_out] =
@@ -195,7 +195,7 @@ impl Model {
         for (opinion, (calibration, weight)) in opinions.iter_mut().zip(fitted) {
             (opinion.calibration, opinion.weight) = (calibration, weight);
         }
-        Ok(Classification { n_places, opinions, doubt, novelty, known })
+        Ok(Classification { n_rooms, opinions, doubt, novelty, known })
     }
 }
 
@@ -221,24 +221,24 @@ impl Drive<'_> {
             decisions.push(decided);
             held_out.push(answer);
         }
-        let places = self.places_with(&model);
+        let rooms = self.rooms_with(&model);
         // The places are sorted before and now: this is ascending.
-        let of_earlier: Vec<usize> = model.places.iter().map(|place| index_of(&places, place)).collect();
-        held_out.iter_mut().for_each(|answer| answer.renumber(&of_earlier, places.len()));
+        let of_earlier: Vec<usize> = model.rooms.iter().map(|room| index_of(&rooms, room)).collect();
+        held_out.iter_mut().for_each(|answer| answer.renumber(&of_earlier, rooms.len()));
         let [decisions, left_out] = [&decisions, &model.left_out]
-            .map(|frames| frames.renumbered(&model.config, &of_earlier, places.len()));
+            .map(|frames| frames.renumbered(&model.config, &of_earlier, rooms.len()));
         let mut learned = model.learned.renumbered(&of_earlier);
-        learned.extend(self.samples().map(|sample| (sample, index_of(&places, &sample.place))));
-        let opinions = self.learn(&model, &learned, (&of_earlier, &places))?;
-        let classification = model.refitted(opinions, [&decisions, &left_out], places.len())?;
+        learned.extend(self.samples().map(|sample| (sample, index_of(&rooms, &sample.room))));
+        let opinions = self.learn(&model, &learned, (&of_earlier, &rooms))?;
+        let classification = model.refitted(opinions, [&decisions, &left_out], rooms.len())?;
         let card = self.on_card(&model, &classification);
         // What was learned of the earlier rooms says nothing of how robots move to a new one.
-        let is_same = places == model.places;
+        let is_same = rooms == model.rooms;
         let transitions =
-            if is_same { model.transitions.clone() } else { Transitions::unlearned(places.len()) };
+            if is_same { model.transitions.clone() } else { Transitions::unlearned(rooms.len()) };
         let earlier = model.clone();
         let model = Model {
-            places,
+            rooms,
             classification,
             learned,
             held_out: decisions.thinned(),
@@ -254,8 +254,8 @@ impl Drive<'_> {
     /// values behind it.
     fn answers(&self, model: &Model) -> Vec<(HeldOut, Decided)> {
         let answer = |&sample_idx: &usize| {
-            let Sample { place, features, .. } = self.samples[sample_idx];
-            let label = model.places.binary_search(place).ok()?;
+            let Sample { room, features, .. } = self.samples[sample_idx];
+            let label = model.rooms.binary_search(room).ok()?;
             let said = model.classification.said(features);
             said.iter().any(Option::is_some).then(|| {
                 let answer = HeldOut { sample_idx, recognition: model.classify(features) };
@@ -265,9 +265,9 @@ impl Drive<'_> {
         self.sample_idxs.par_iter().filter_map(answer).collect()
     }
 
-    fn places_with(&self, model: &Model) -> Vec<String> {
-        let new = self.samples().map(|sample| &sample.place);
-        let names: BTreeSet<&String> = model.places.iter().chain(new).collect();
+    fn rooms_with(&self, model: &Model) -> Vec<String> {
+        let new = self.samples().map(|sample| &sample.room);
+        let names: BTreeSet<&String> = model.rooms.iter().chain(new).collect();
         names.into_iter().cloned().collect()
     }
 
@@ -275,7 +275,7 @@ impl Drive<'_> {
         &self,
         model: &Model,
         learned: &LearnedFrames,
-        (of_earlier, places): (&[usize], &[String]),
+        (of_earlier, rooms): (&[usize], &[String]),
     ) -> Result<Vec<Opinion>, AddError> {
         let learn = |opinion: &Opinion| {
             let frames = self.samples().map(|sample| sample.features.of(&opinion.sight));
@@ -283,13 +283,13 @@ impl Drive<'_> {
             let added = Added {
                 frames: &frames,
                 labels: &learned.labels,
-                n_places: places.len(),
+                n_rooms: rooms.len(),
                 of_earlier,
                 forget: self.forget,
             };
             let trained = opinion.trained.add(&added).map_err(|error| match error {
                 AddError::ForgottenClass { class_idx } => {
-                    AddError::ForgottenPlace { place: places[class_idx].clone() }
+                    AddError::ForgottenRoom { room: rooms[class_idx].clone() }
                 }
                 error => error,
             })?;
@@ -313,20 +313,20 @@ impl Drive<'_> {
 
 impl HeldOut {
     /// The same answer among more places, where place i of before has the index `of_earlier[i]`.
-    fn renumber(&mut self, of_earlier: &[usize], n_places: usize) {
-        let Recognition { place_idx, probabilities, .. } = &mut self.recognition;
-        let mut among_all = vec![0.0; n_places];
-        for (&place_idx, &probability) in of_earlier.iter().zip(probabilities.iter()) {
-            among_all[place_idx] = probability;
+    fn renumber(&mut self, of_earlier: &[usize], n_rooms: usize) {
+        let Recognition { room_idx, probabilities, .. } = &mut self.recognition;
+        let mut among_all = vec![0.0; n_rooms];
+        for (&room_idx, &probability) in of_earlier.iter().zip(probabilities.iter()) {
+            among_all[room_idx] = probability;
         }
-        *place_idx = of_earlier[*place_idx];
+        *room_idx = of_earlier[*room_idx];
         *probabilities = among_all;
     }
 }
 
-/// The index of a place that is among the sorted `places`.
-fn index_of(places: &[String], place: &String) -> usize {
-    places.binary_search(place).unwrap_or_default()
+/// The index of a place that is among the sorted `rooms`.
+fn index_of(rooms: &[String], room: &String) -> usize {
+    rooms.binary_search(room).unwrap_or_default()
 }
 
 #[cfg(test)]

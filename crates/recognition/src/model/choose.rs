@@ -70,7 +70,7 @@ pub fn train_preferred(
 #[derive(Debug)]
 pub struct HeldOutAnswers {
     /// The rooms, sorted.
-    pub places: Vec<String>,
+    pub rooms: Vec<String>,
     /// The answers, none of which is known.
     pub held_out: Vec<HeldOut>,
 }
@@ -87,7 +87,7 @@ pub fn answer_held_out(
 ) -> Result<HeldOutAnswers, TrainError> {
     prefer(samples, candidates, unit, &mut progress, |tried, _| {
         let held_out = tried.trials.held_out(tried.config)?;
-        Ok(HeldOutAnswers { places: tried.trials.places().to_vec(), held_out })
+        Ok(HeldOutAnswers { rooms: tried.trials.rooms().to_vec(), held_out })
     })
 }
 

@@ -46,7 +46,7 @@ impl Means {
     pub fn candidates(&self) -> Vec<Candidate> {
         let with_network = self.has_network && self.effort != Effort::Fast;
         let is_around = self.camera != CameraKind::Perspective;
-        let (mut places, looks) = match self.effort {
+        let (mut rooms, looks) = match self.effort {
             Effort::Fast => (vec![memory()], vec![patterns()]),
             // Corners of all around are enough.
             Effort::Balanced if is_around => (vec![memory()], vec![patterns(), bag(of_patterns())]),
@@ -56,19 +56,19 @@ impl Means {
         };
         if !with_network {
             return vec![
-                candidate("places and patterns", [&places[..], &looks].concat()),
+                candidate("places and patterns", [&rooms[..], &looks].concat()),
                 candidate("patterns alone", looks),
             ];
         }
-        places.push(self.vector());
+        rooms.push(self.vector());
         // Of a frame of an ordinary lens, keypoints tell more places than the cells of a grid, and both no more than they.
         if is_around {
-            places.push(self.grid());
+            rooms.push(self.grid());
         }
         vec![
-            candidate("places and a network", places.clone()),
+            candidate("places and a network", rooms.clone()),
             candidate("a network alone", vec![self.vector()]),
-            candidate("everything", [places, looks].concat()),
+            candidate("everything", [rooms, looks].concat()),
         ]
     }
 

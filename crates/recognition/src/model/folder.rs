@@ -84,7 +84,8 @@ struct About {
     /// Of the model file.
     n_bytes: u64,
     blake3: String,
-    places: Vec<String>,
+    #[serde(rename = "places")]
+    rooms: Vec<String>,
     camera: Projection,
     card: Card,
     config: Config,
@@ -131,13 +132,13 @@ impl Model {
 
 impl About {
     fn new(metadata: Metadata, bytes: &[u8]) -> Self {
-        let Metadata { places, camera, card, config, networks, .. } = metadata;
+        let Metadata { rooms, camera, card, config, networks, .. } = metadata;
         Self {
             format_version: FORMAT_VERSION,
             file: MODEL_FILE.to_owned(),
             n_bytes: bytes.len() as u64,
             blake3: blake3::hash(bytes).to_hex().to_string(),
-            places,
+            rooms,
             camera,
             card,
             config,

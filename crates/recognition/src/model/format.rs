@@ -69,7 +69,8 @@ const METADATA_KEY: &str = "roomsight";
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Metadata {
     format_version: u32,
-    pub places: Vec<String>,
+    #[serde(rename = "places")]
+    pub rooms: Vec<String>,
     pub camera: Projection,
     known_probability: f32,
     #[serde(default = "any_novelty")]
@@ -110,7 +111,7 @@ impl Model {
             arrays.extend(opinion.to_arrays().into_iter().map(|array| array.of_opinion(name)));
         }
         for (frames, names) in [(&self.held_out, HELD_OUT), (&self.left_out, LEFT_OUT)] {
-            arrays.extend(frames.to_arrays(&names, &self.config, self.places.len()));
+            arrays.extend(frames.to_arrays(&names, &self.config, self.rooms.len()));
         }
         arrays.extend(self.classification.novelty.iter().flat_map(Novelty::to_arrays));
         arrays.push(Array::vector("transitions.dwells", self.transitions.dwells()));
@@ -124,7 +125,7 @@ impl Model {
     pub(crate) fn metadata(&self) -> Metadata {
         Metadata {
             format_version: FORMAT_VERSION,
-            places: self.places.clone(),
+            rooms: self.rooms.clone(),
             camera: self.camera().projection,
             known_probability: self.known_probability().unwrap_or(NEVER_KNOWN),
             known_novelty: self.classification.known.map_or(1.0, |known| known.most_novelty),
@@ -180,7 +181,7 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
         return Err(FormatError::OtherNetworks);
     }
     let Metadata {
-        places,
+        rooms,
         camera,
         known_probability,
         known_novelty,
@@ -193,8 +194,8 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
     } = metadata;
     config.link(&networks)?;
     config.check().map_err(FormatError::Damaged)?;
-    let distinct: BTreeSet<&str> = places.iter().map(String::as_str).collect();
-    require(distinct.len() == places.len() && places.len() >= 2, "its rooms are not distinct")?;
+    let distinct: BTreeSet<&str> = rooms.iter().map(String::as_str).collect();
+    require(distinct.len() == rooms.len() && rooms.len() >= 2, "its rooms are not distinct")?;
     require(known_probability.is_finite(), "the probability from which answers are known is no number")?;
     require((0.0..=1.0).contains(&known_novelty), "the novelty up to which answers are known is no share")?;
     require((0.0..=1.0).contains(&doubt), "its doubt is no share")?;
@@ -204,7 +205,7 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
     let file = Arrays::new(file);
     let is_first = format_version == FIRST_VERSION;
     let arrays_of = |name| if is_first { file.of_first_version(name) } else { file.of_opinion(name) };
-    let learned = LearnedFrames::from_arrays(places.len(), &file)?;
+    let learned = LearnedFrames::from_arrays(rooms.len(), &file)?;
     let weights = match config.given_weights() {
         Some(weights) => weights,
         None => read_weights(&config, &weights)?,
@@ -214,34 +215,30 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
         let arrays = arrays_of(name);
         let sight = opinion.sight();
         let n_dimensions = sight.n_dimensions(camera.kind());
-        let shape = Shape {
-            camera: camera.kind(),
-            n_places: places.len(),
-            n_dimensions,
-            n_frames: learned.n_frames(),
-        };
+        let shape =
+            Shape { camera: camera.kind(), n_rooms: rooms.len(), n_dimensions, n_frames: learned.n_frames() };
         let trained = Arc::new(opinion.read(shape, &arrays)?);
-        let calibration = Calibration::from_arrays(opinion.way(), places.len(), &arrays)?;
+        let calibration = Calibration::from_arrays(opinion.way(), rooms.len(), &arrays)?;
         opinions.push(Opinion { sight, trained, calibration, weight });
     }
-    let frames = |names| HeldOutFrames::from_arrays(&names, &config, places.len(), &file, arrays_of);
+    let frames = |names| HeldOutFrames::from_arrays(&names, &config, rooms.len(), &file, arrays_of);
     let (held_out, left_out) = (frames(HELD_OUT)?, frames(LEFT_OUT)?);
     let novelty = Novelty::from_arrays(&config, &file)?;
     let known = Known { least_probability: known_probability, most_novelty: known_novelty };
-    let transitions = transitions(places.len(), &file)?;
+    let transitions = transitions(rooms.len(), &file)?;
     let mask = file.picture("camera.mask")?.map(Mask::new);
     let camera = Camera { projection: camera, mask };
     Ok(Model {
         transitions,
         extractor: Extractor::new(&config, camera),
         classification: Classification {
-            n_places: places.len(),
+            n_rooms: rooms.len(),
             opinions,
             doubt,
             novelty,
             known: (known_probability <= 1.0).then_some(known),
         },
-        places,
+        rooms,
         learned,
         held_out,
         left_out,
@@ -259,10 +256,10 @@ fn read_weights(config: &Config, weights: &BTreeMap<String, f64>) -> Result<Vec<
 }
 
 /// Files of models that were trained before transitions were learned hold none.
-fn transitions(n_places: usize, file: &Arrays) -> Result<Transitions, FormatError> {
+fn transitions(n_rooms: usize, file: &Arrays) -> Result<Transitions, FormatError> {
     if !file.has("transitions.dwells") {
-        return Ok(Transitions::unlearned(n_places));
+        return Ok(Transitions::unlearned(n_rooms));
     }
     let (dwells, next) = (file.vector("transitions.dwells")?, file.matrix("transitions.next")?);
-    Transitions::from_parts(n_places, dwells, next).map_err(|error| FormatError::Damaged(error.to_string()))
+    Transitions::from_parts(n_rooms, dwells, next).map_err(|error| FormatError::Damaged(error.to_string()))
 }

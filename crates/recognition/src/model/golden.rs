@@ -28,7 +28,7 @@ pub struct GoldenFrame {
     /// The encoded image.
     pub bytes: Vec<u8>,
     /// The room answered.
-    pub place: String,
+    pub room: String,
     /// Its probability.
     pub probability: f32,
 }
@@ -36,7 +36,8 @@ pub struct GoldenFrame {
 #[derive(Serialize, Deserialize)]
 struct GoldenAnswer {
     file: String,
-    place: String,
+    #[serde(rename = "place")]
+    room: String,
     probability: f32,
 }
 
@@ -56,7 +57,7 @@ pub(crate) fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, Load
         }
         let bytes = read_bounded(&folder.join(&answer.file), n_bytes_left)?;
         n_bytes_left -= bytes.len() as u64;
-        Ok(GoldenFrame { name: answer.file, bytes, place: answer.place, probability: answer.probability })
+        Ok(GoldenFrame { name: answer.file, bytes, room: answer.room, probability: answer.probability })
     };
     answers.into_iter().map(&mut load).collect()
 }
@@ -80,16 +81,16 @@ impl GoldenFrame {
     /// Whether the model answers it as when it was saved; what else it answers.
     fn check(&self, model: &Model) -> Result<(), String> {
         let answer = answer_of(model, &self.bytes)?;
-        let place = &model.places()[answer.place_idx];
+        let room = &model.rooms()[answer.room_idx];
         let probability = answer.probability();
         // A probability that is no number is not close either.
         let is_close = (probability - self.probability).abs() <= PROBABILITY_TOLERANCE;
-        if *place == self.place && is_close {
+        if *room == self.room && is_close {
             return Ok(());
         }
-        let Self { place: expected, probability: expected_probability, .. } = self;
+        let Self { room: expected, probability: expected_probability, .. } = self;
         Err(format!(
-            "this golden frame is answered with {place} ({probability:.3}), \
+            "this golden frame is answered with {room} ({probability:.3}), \
              not with {expected} ({expected_probability:.3})"
         ))
     }
@@ -107,7 +108,7 @@ pub(crate) fn write_golden(folder: &Path, frames: &[GoldenFrame]) -> io::Result<
     }
     let answer = |frame: &GoldenFrame| GoldenAnswer {
         file: frame.name.clone(),
-        place: frame.place.clone(),
+        room: frame.room.clone(),
         probability: frame.probability,
     };
     let answers: Vec<GoldenAnswer> = frames.iter().map(answer).collect();

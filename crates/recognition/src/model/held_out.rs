@@ -45,7 +45,7 @@ impl Fusion {
     /// is calibrated on those of `otherwise`.
     pub(crate) fn fit(
         config: &Config,
-        n_places: usize,
+        n_rooms: usize,
         decided: &[&Decided],
         otherwise: &[&Decided],
     ) -> Result<Self, TrainError> {
@@ -54,13 +54,13 @@ impl Fusion {
             let way = opinion.way();
             // Where weights are fitted, they do what a slope would do as well.
             if given.is_none() && matches!(way, Way::Softmax { .. }) {
-                return Calibration::usual(way, n_places, &config.calibration);
+                return Calibration::usual(way, n_rooms, &config.calibration);
             }
-            let mut held_out = values_of(decided, opinion_idx, way.n_values(n_places));
+            let mut held_out = values_of(decided, opinion_idx, way.n_values(n_rooms));
             if held_out.labels.is_empty() {
-                held_out = values_of(otherwise, opinion_idx, way.n_values(n_places));
+                held_out = values_of(otherwise, opinion_idx, way.n_values(n_rooms));
             }
-            Calibration::fit(way, &held_out, n_places, &config.calibration)
+            Calibration::fit(way, &held_out, n_rooms, &config.calibration)
         };
         let calibrations: Vec<Calibration> =
             config.opinions.values().enumerate().map(calibrate).collect::<Result<_, _>>()?;
@@ -70,15 +70,15 @@ impl Fusion {
         let judged: Vec<Judged> = decided.iter().map(|decided| judged(decided, &calibrations)).collect();
         let prior = config.prior_weights();
         let weights = if most_right(&judged) < TELLABLE { prior } else { pool::fit_weights(&judged, &prior) };
-        let doubt = rounded(pool::fit_doubt(&judged, &weights, n_places));
+        let doubt = rounded(pool::fit_doubt(&judged, &weights, n_rooms));
         let weights = weights.into_iter().map(rounded).collect();
         Ok(Self { calibrations, weights, doubt })
     }
 
     /// What is answered to a frame that was decided so.
-    pub(crate) fn answer(&self, config: &Config, decided: &Decided, n_places: usize) -> Answer {
+    pub(crate) fn answer(&self, config: &Config, decided: &Decided, n_rooms: usize) -> Answer {
         let Judged { by_opinion, .. } = judged(decided, &self.calibrations);
-        let probabilities = pool::answer(&by_opinion, &self.weights, self.doubt, n_places);
+        let probabilities = pool::answer(&by_opinion, &self.weights, self.doubt, n_rooms);
         let signs = novelty::signs_of(config, &decided.said, &by_opinion, &probabilities);
         Answer { label: decided.label, probabilities, signs }
     }
@@ -98,11 +98,11 @@ pub(crate) struct Answer {
 impl Answer {
     /// Of how much use it is that the answer is told, where the frame is that new.
     pub(crate) fn outcome(&self, novelty: Option<f32>) -> Outcome {
-        let place_idx = most_probable(&self.probabilities);
+        let room_idx = most_probable(&self.probabilities);
         Outcome {
-            probability: self.probabilities[place_idx],
+            probability: self.probabilities[room_idx],
             novelty: novelty.unwrap_or_default(),
-            is_right: place_idx == self.label,
+            is_right: room_idx == self.label,
         }
     }
 }
@@ -160,14 +160,14 @@ impl HeldOutFrames {
         self.0.iter()
     }
 
-    /// The same among `n_places` rooms, where room i of before is the room `of_earlier[i]` (ascending).
-    pub(crate) fn renumbered(&self, config: &Config, of_earlier: &[usize], n_places: usize) -> Self {
+    /// The same among `n_rooms` rooms, where room i of before is the room `of_earlier[i]` (ascending).
+    pub(crate) fn renumbered(&self, config: &Config, of_earlier: &[usize], n_rooms: usize) -> Self {
         let ways = || config.opinions.values().map(OpinionConfig::way);
         let renumber = |decided: &Decided| {
             let said = decided.said.iter().zip(ways());
             let spread = |(said, way): (&Option<Said>, Way)| {
                 let said = said.as_ref()?;
-                Some(said.with_values(spread_out(way, of_earlier, n_places, &said.values)))
+                Some(said.with_values(spread_out(way, of_earlier, n_rooms, &said.values)))
             };
             Decided { label: of_earlier[decided.label], said: said.map(spread).collect() }
         };
@@ -198,7 +198,7 @@ impl HeldOutFrames {
     }
 
     /// All of it, what is of an opinion under its name.
-    pub(crate) fn to_arrays(&self, names: &Names, config: &Config, n_places: usize) -> Vec<Array> {
+    pub(crate) fn to_arrays(&self, names: &Names, config: &Config, n_rooms: usize) -> Vec<Array> {
         if self.0.is_empty() {
             return Vec::new();
         }
@@ -215,7 +215,7 @@ impl HeldOutFrames {
                 }
                 rows
             };
-            let values = rows(opinion.way().n_values(n_places), |said| &said.values);
+            let values = rows(opinion.way().n_values(n_rooms), |said| &said.values);
             let signs = rows(opinion.signs().len(), |said| &said.signs);
             let parts = [Array::matrix(names.values, &values), Array::matrix(names.signs, &signs)];
             arrays.extend(parts.map(|array| array.of_opinion(name)));
@@ -227,7 +227,7 @@ impl HeldOutFrames {
     pub(crate) fn from_arrays<'a>(
         names: &Names,
         config: &'a Config,
-        n_places: usize,
+        n_rooms: usize,
         file: &Arrays<'a>,
         arrays: impl Fn(&'a str) -> Arrays<'a>,
     ) -> Result<Self, FormatError> {
@@ -235,12 +235,12 @@ impl HeldOutFrames {
             return Ok(Self::default());
         }
         let labels = file.counts(names.labels)?;
-        require(labels.iter().all(|&label| label < n_places), "its held-out frames are of no room")?;
+        require(labels.iter().all(|&label| label < n_rooms), "its held-out frames are of no room")?;
         let mut by_opinion = Vec::new();
         for (name, opinion) in &config.opinions {
             let arrays = arrays(name);
             let values = arrays.matrix(names.values)?;
-            let n_values = opinion.way().n_values(n_places);
+            let n_values = opinion.way().n_values(n_rooms);
             require(values.n_cols() == n_values, "its held-out frames are of other machines")?;
             let mut said = read_rows(&values, labels.len())?;
             // Files of before this was kept have none.

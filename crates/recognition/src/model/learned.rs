@@ -78,8 +78,8 @@ impl LearnedFrames {
         Self { labels: self.labels.iter().map(|&label| of_earlier[label]).collect(), ..self.clone() }
     }
 
-    /// The frames that are left, with their rooms numbered by their order in `left_places` (ascending).
-    pub(crate) fn left(&self, is_left: &[bool], left_places: &[usize]) -> Self {
+    /// The frames that are left, with their rooms numbered by their order in `left_rooms` (ascending).
+    pub(crate) fn left(&self, is_left: &[bool], left_rooms: &[usize]) -> Self {
         let mut left = Self::default();
         let mut drives: BTreeMap<usize, usize> = BTreeMap::new();
         for (frame_idx, _) in is_left.iter().enumerate().filter(|(_, is_left)| **is_left) {
@@ -87,7 +87,7 @@ impl LearnedFrames {
                 left.drive_names.push(self.drive(frame_idx).to_owned());
                 left.drive_names.len() - 1
             });
-            left.labels.push(left_places.binary_search(&self.labels[frame_idx]).unwrap_or_default());
+            left.labels.push(left_rooms.binary_search(&self.labels[frame_idx]).unwrap_or_default());
             left.drives.push(drive);
             left.names.push(self.names[frame_idx].clone());
             left.poses.push(self.poses[frame_idx]);
@@ -115,7 +115,7 @@ impl LearnedFrames {
     }
 
     /// Frames of unknown origin that fit so many rooms; none where the file tells of none.
-    pub(crate) fn from_arrays(n_places: usize, file: &Arrays) -> Result<Self, FormatError> {
+    pub(crate) fn from_arrays(n_rooms: usize, file: &Arrays) -> Result<Self, FormatError> {
         if !file.has("frames.rooms") {
             return Ok(Self::default());
         }
@@ -133,7 +133,7 @@ impl LearnedFrames {
         require(n_frames > 0, "it has learned no frame")?;
         let are_as_many = learned.drives.len() == n_frames && learned.names.len() == n_frames;
         require(are_as_many, "its frames have other numbers of drives and names")?;
-        require(learned.labels.iter().all(|&label| label < n_places), "a frame is of no room")?;
+        require(learned.labels.iter().all(|&label| label < n_rooms), "a frame is of no room")?;
         let n_drives = learned.drive_names.len();
         require(learned.drives.iter().all(|&drive| drive < n_drives), "a frame is of no drive")?;
         Ok(learned)

@@ -46,13 +46,13 @@ pub(crate) struct RoundDecision {
 /// The rounds for samples of these folds and rooms: as few as decide enough frames of left-out rooms and leave out each room once
 /// at least. None where fewer than three rooms leave nothing to tell apart.
 pub(crate) fn rounds(folds: &[usize], labels: &[usize], seed: u64) -> Vec<Round> {
-    let n_places = labels.iter().max().map_or(0, |last| last + 1);
+    let n_rooms = labels.iter().max().map_or(0, |last| last + 1);
     let n_folds = folds.iter().max().map_or(0, |last| last + 1);
-    let mut places: Vec<usize> = (0..n_places).collect();
-    places.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-    let n_groups = n_places.min(MAX_GROUPS);
-    let mut group_of = vec![0; n_places];
-    places.iter().enumerate().for_each(|(rank, &place)| group_of[place] = rank % n_groups);
+    let mut rooms: Vec<usize> = (0..n_rooms).collect();
+    rooms.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+    let n_groups = n_rooms.min(MAX_GROUPS);
+    let mut group_of = vec![0; n_rooms];
+    rooms.iter().enumerate().for_each(|(rank, &room)| group_of[room] = rank % n_groups);
     let (mut rounds, mut n_new) = (Vec::new(), 0);
     for turn in 0..n_groups {
         // Each turn is about one group more.
@@ -96,12 +96,12 @@ pub(crate) fn judge(
     answers: &BTreeMap<usize, Answer>,
     folds: &[usize],
     decisions: &[RoundDecision],
-    n_places: usize,
+    n_rooms: usize,
 ) -> Judged {
     let decided: Vec<(usize, Answer, bool)> = decisions
         .iter()
         .map(|RoundDecision { fold, decided, is_new }| {
-            (*fold, fusion.answer(config, decided, n_places), *is_new)
+            (*fold, fusion.answer(config, decided, n_rooms), *is_new)
         })
         .collect();
     let mut observed: Vec<(usize, Observed)> = decided

@@ -21,8 +21,8 @@ pub struct NearFrame {
     pub name: String,
     /// The drive that it comes from; empty when unknown.
     pub drive: String,
-    /// Index into [`Model::places`] of the room that it shows.
-    pub place_idx: usize,
+    /// Index into [`Model::rooms`] of the room that it shows.
+    pub room_idx: usize,
     /// How near it is, 1 being the same: the share of the frame's keypoints that found it, or the cosine between
     /// both vectors.
     pub nearness: f32,
@@ -40,7 +40,7 @@ impl Model {
                 opinion: name.to_owned(),
                 name: self.learned.name(near.frame_idx).unwrap_or_default().to_owned(),
                 drive: self.learned.drive(near.frame_idx).to_owned(),
-                place_idx: self.learned.labels[near.frame_idx],
+                room_idx: self.learned.labels[near.frame_idx],
                 nearness: near.nearness,
                 pose: self.learned.pose(near.frame_idx),
                 points: near.points.iter().map(|point| point.map(|at| at * features.scale)).collect(),

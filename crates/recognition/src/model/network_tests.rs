@@ -68,8 +68,8 @@ fn samples(config: &Config, rooms: &[usize], seed: u64) -> Vec<Sample> {
     let sample = |idx: usize| {
         let room = rooms[idx % rooms.len()];
         let features = extractor.extract(&frame(room, &mut random), &mut Scratch::default());
-        let (place, sequence) = (ROOMS[room].to_owned(), format!("drive {seed}.{}", idx % 4));
-        Sample { place, sequence, name: format!("{seed}.{idx}"), pose: None, picture: None, features }
+        let (room, sequence) = (ROOMS[room].to_owned(), format!("drive {seed}.{}", idx % 4));
+        Sample { room, sequence, name: format!("{seed}.{idx}"), pose: None, picture: None, features }
     };
     (0..24).map(sample).collect()
 }
@@ -82,7 +82,7 @@ fn train(config: &Config, samples: &[Sample]) -> Training {
 fn answer(model: &Model, room: usize, seed: u64) -> (String, Vec<f32>) {
     let frame = frame(room, &mut ChaCha8Rng::seed_from_u64(seed));
     let answer = model.recognize(&frame, &mut Scratch::default());
-    (model.places()[answer.place_idx].clone(), answer.probabilities)
+    (model.rooms()[answer.room_idx].clone(), answer.probabilities)
 }
 
 #[test]
@@ -114,7 +114,7 @@ fn it_learns_more_rooms_and_forgets_them() {
         assert_eq!(&answer(&larger, room, 9).0, name);
     }
     let smaller = larger.without(Forgotten::Place("green")).unwrap();
-    assert_eq!(smaller.places(), ["blue", "red"]);
+    assert_eq!(smaller.rooms(), ["blue", "red"]);
     assert_eq!([0, 2].map(|room| answer(&smaller, room, 9).0), ["red", "blue"]);
 }
 

@@ -87,15 +87,15 @@ pub(crate) fn signs_of(
     by_opinion: &[Option<Vec<f32>>],
     pooled: &[f32],
 ) -> Signs {
-    let place_idx = most_probable(pooled);
+    let room_idx = most_probable(pooled);
     let votes = || by_opinion.iter().flatten().map(|probabilities| most_probable(probabilities));
-    let n_same = votes().filter(|&vote| vote == place_idx).count();
+    let n_same = votes().filter(|&vote| vote == room_idx).count();
     let of_opinion = |(said, opinion): (&Option<Said>, &OpinionConfig)| match said {
         Some(said) => said.signs.iter().map(|&sign| Some(f64::from(sign))).collect(),
         None => vec![None; opinion.signs().len()],
     };
     let mut signs: Signs = said.iter().zip(config.opinions.values()).flat_map(of_opinion).collect();
-    signs.push(Some(f64::from(pooled[place_idx])));
+    signs.push(Some(f64::from(pooled[room_idx])));
     signs.push(Some(n_same as f64 / votes().count().max(1) as f64));
     signs
 }

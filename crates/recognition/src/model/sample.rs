@@ -7,7 +7,7 @@ use crate::model::pose::Pose;
 #[derive(Clone, Debug)]
 pub struct Sample {
     /// The room that it shows, or [`ELSEWHERE`].
-    pub place: String,
+    pub room: String,
     /// The drive that it comes from; empty when unknown.
     pub sequence: String,
     /// What it is called, such as its path in the data set; may be empty.
@@ -26,6 +26,6 @@ pub const ELSEWHERE: &str = "elsewhere";
 impl Sample {
     /// Whether it shows none of the rooms.
     pub fn is_elsewhere(&self) -> bool {
-        self.place == ELSEWHERE
+        self.room == ELSEWHERE
     }
 }

@@ -9,12 +9,12 @@ use rand_chacha::ChaCha8Rng;
 use roomsight_vision::camera::{CameraKind, Mask, Mirror, Projection};
 
 /// Random frames of three rooms: vertical stripes, horizontal stripes, dots, with noise.
-pub(crate) fn frame(place_idx: usize, random: &mut ChaCha8Rng) -> Image {
+pub(crate) fn frame(room_idx: usize, random: &mut ChaCha8Rng) -> Image {
     let (width, height) = (96, 72);
     let (shift_x, shift_y) = (random.random_range(0..24), random.random_range(0..24));
     let pixels = (0..width * height).map(|idx| {
         let (x, y) = ((idx % width) + shift_x, (idx / width) + shift_y);
-        let bright = match place_idx {
+        let bright = match room_idx {
             0 => x % 24 < 6 && y % 12 < 9,
             1 => y % 24 < 6 && x % 12 < 9,
             _ => x % 12 < 4 && y % 12 < 4,
@@ -34,7 +34,7 @@ pub(crate) fn samples(config: &Config, n_frames: usize, seed: u64) -> Vec<Sample
     let extractor = Extractor::new(config, Camera::new(Projection::Perspective));
     (0..n_frames)
         .map(|idx| Sample {
-            place: ["stripes", "bars", "dots"][idx % 3].to_owned(),
+            room: ["stripes", "bars", "dots"][idx % 3].to_owned(),
             sequence: format!("drive {}", idx % 4),
             name: format!("{idx}.jpg"),
             pose: None,
@@ -63,18 +63,18 @@ fn new_frames_of_known_rooms_are_recognized() {
         let svm = svm::Config { scheme, ..svm::Config::default() };
         let config = with_classifier(Classifier::LinearSvm(svm));
         let Training { model, held_out, .. } = trained(&config);
-        assert_eq!(model.places(), ["bars", "dots", "stripes"]);
+        assert_eq!(model.rooms(), ["bars", "dots", "stripes"]);
         assert_eq!(held_out.len(), 48);
         let mut random = ChaCha8Rng::seed_from_u64(99);
-        for (place_idx, place) in ["stripes", "bars", "dots"].iter().enumerate() {
-            let answer = model.recognize(&frame(place_idx, &mut random), &mut Scratch::default());
-            assert_eq!(&model.places()[answer.place_idx], place, "{answer:?}");
+        for (room_idx, room) in ["stripes", "bars", "dots"].iter().enumerate() {
+            let answer = model.recognize(&frame(room_idx, &mut random), &mut Scratch::default());
+            assert_eq!(&model.rooms()[answer.room_idx], room, "{answer:?}");
             assert!((answer.probabilities.iter().sum::<f32>() - 1.0).abs() < 1e-5);
         }
         let known = held_out.iter().filter(|answer| answer.recognition.known);
         let labels = ["stripes", "bars", "dots"];
         let is_right =
-            |answer: &&HeldOut| model.places()[answer.recognition.place_idx] == labels[answer.sample_idx % 3];
+            |answer: &&HeldOut| model.rooms()[answer.recognition.room_idx] == labels[answer.sample_idx % 3];
         let (n_known, n_right) = (known.clone().count(), known.filter(is_right).count());
         assert!(n_known > 24 && n_right * 10 >= n_known * 9, "{n_right} of {n_known} known");
     }
@@ -110,10 +110,10 @@ fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
         let back = Model::from_bytes(&bytes).unwrap();
         assert_eq!(back.to_bytes().unwrap(), bytes);
         let mut random = ChaCha8Rng::seed_from_u64(7);
-        for (place_idx, place) in ["stripes", "bars", "dots"].iter().enumerate() {
-            let frame = frame(place_idx, &mut random);
+        for (room_idx, room) in ["stripes", "bars", "dots"].iter().enumerate() {
+            let frame = frame(room_idx, &mut random);
             let answer = model.recognize(&frame, &mut Scratch::default());
-            assert_eq!(&model.places()[answer.place_idx], place, "{config:?} {answer:?}");
+            assert_eq!(&model.rooms()[answer.room_idx], room, "{config:?} {answer:?}");
             assert_eq!(back.recognize(&frame, &mut Scratch::default()), answer);
         }
     }
@@ -135,9 +135,9 @@ fn patterns_take_part_in_every_answer_and_come_back_from_the_file() {
     }
     let Training { model, held_out, .. } = trained(&weighing(0.7));
     assert_ne!(answer(&model).probabilities, without.probabilities);
-    let places = ["stripes", "bars", "dots"];
+    let rooms = ["stripes", "bars", "dots"];
     let is_right =
-        |answer: &&HeldOut| model.places()[answer.recognition.place_idx] == places[answer.sample_idx % 3];
+        |answer: &&HeldOut| model.rooms()[answer.recognition.room_idx] == rooms[answer.sample_idx % 3];
     assert!(held_out.iter().filter(is_right).count() > 44);
     let bytes = model.to_bytes().unwrap();
     let back = Model::from_bytes(&bytes).unwrap();
@@ -179,12 +179,12 @@ fn a_memory_of_frames_without_keypoints_knows_nothing() {
 #[test]
 fn patterns_answer_frames_without_keypoints() {
     // Too faint for corners; told apart by the patterns.
-    let smooth = |place_idx: usize, random: &mut ChaCha8Rng| {
+    let smooth = |room_idx: usize, random: &mut ChaCha8Rng| {
         let base = random.random_range(90..110);
         let shift = random.random_range(0..8);
         let pixels = (0..96 * 72).map(|idx| {
             let (x, y) = (idx % 96, idx / 96);
-            base + 6 * (([x, y, x + y][place_idx] + shift) / 4 % 2) as u8
+            base + 6 * (([x, y, x + y][room_idx] + shift) / 4 % 2) as u8
         });
         Image::from_pixels(96, 72, pixels.collect()).unwrap()
     };
@@ -200,9 +200,9 @@ fn patterns_answer_frames_without_keypoints() {
     let Training { model, held_out, .. } =
         train(&all, &config, Camera::new(Projection::Perspective)).unwrap();
     assert_eq!(held_out.len(), all.len(), "all frames are held out once");
-    for (place_idx, place) in ["stripes", "bars", "dots"].iter().enumerate() {
-        let answer = model.recognize(&smooth(place_idx, &mut random), &mut Scratch::default());
-        assert_eq!((answer.n_keypoints, &model.places()[answer.place_idx]), (0, &(*place).to_owned()));
+    for (room_idx, room) in ["stripes", "bars", "dots"].iter().enumerate() {
+        let answer = model.recognize(&smooth(room_idx, &mut random), &mut Scratch::default());
+        assert_eq!((answer.n_keypoints, &model.rooms()[answer.room_idx]), (0, &(*room).to_owned()));
         assert!(answer.probability() > 0.5, "{answer:?}");
     }
 }
@@ -225,7 +225,7 @@ fn the_nearest_frames_tell_where_a_frame_was_taken() {
     assert_eq!(nearest.len(), 6, "two of each opinion: {nearest:?}");
     for near in nearest.iter().step_by(2) {
         assert_eq!((near.name.as_str(), near.pose), ("7.jpg", samples[7].pose), "{nearest:?}");
-        assert_eq!(back.places()[near.place_idx], samples[7].place);
+        assert_eq!(back.rooms()[near.room_idx], samples[7].room);
     }
     assert!(nearest.iter().any(|near| near.opinion == "memory" && !near.points.is_empty()), "{nearest:?}");
     let unseen = Sample::clone(&self::samples(&config, 1, 77)[0]);
@@ -329,7 +329,7 @@ fn what_is_counted_by_parts_of_a_grid_recognizes_explains_and_comes_back_the_sam
             let extractor = Extractor::new(&config, camera.clone());
             let mut random = ChaCha8Rng::seed_from_u64(2);
             let mut describe = |idx: usize| Sample {
-                place: ["stripes", "bars", "dots"][idx % 3].to_owned(),
+                room: ["stripes", "bars", "dots"][idx % 3].to_owned(),
                 sequence: format!("drive {}", idx % 4),
                 name: String::new(),
                 pose: None,
@@ -343,7 +343,7 @@ fn what_is_counted_by_parts_of_a_grid_recognizes_explains_and_comes_back_the_sam
                 let answer = model.classify(&sample.features);
                 // Round the middle of a mirror stripes and bars are the same, turned.
                 if !matches!(projection, Projection::Omnidirectional(_)) {
-                    assert_eq!(model.places()[answer.place_idx], sample.place, "{projection:?}");
+                    assert_eq!(model.rooms()[answer.room_idx], sample.room, "{projection:?}");
                 }
                 assert_eq!(back.classify(&sample.features), answer);
             }
@@ -375,9 +375,9 @@ fn points_that_are_repeated_at_several_scales_need_descriptors_that_grow() {
 fn a_room_of_a_single_frame_can_be_answered_but_not_held_out() {
     let config = config();
     let mut samples = samples(&config, 48, 1);
-    samples[0].place = "attic".to_owned();
+    samples[0].room = "attic".to_owned();
     let training = train(&samples, &config, Camera::new(Projection::Perspective)).unwrap();
-    assert_eq!(training.model.places().len(), 4);
+    assert_eq!(training.model.rooms().len(), 4);
     assert!(training.held_out.iter().all(|answer| answer.sample_idx != 0));
     assert_eq!(training.held_out.len(), 47);
 }
@@ -387,10 +387,10 @@ fn training_refuses_what_makes_no_model() {
     let camera = || Camera::new(Projection::Perspective);
     let error = |samples: &[Sample], config: &Config| train(samples, config, camera()).err();
     let config = config();
-    assert!(matches!(error(&[], &config), Some(TrainError::TooFewPlaces(0))));
-    let mut one_place = samples(&config, 9, 1);
-    one_place.iter_mut().for_each(|sample| sample.place = "hall".to_owned());
-    assert!(matches!(error(&one_place, &config), Some(TrainError::TooFewPlaces(1))));
+    assert!(matches!(error(&[], &config), Some(TrainError::TooFewRooms(0))));
+    let mut one_room = samples(&config, 9, 1);
+    one_room.iter_mut().for_each(|sample| sample.room = "hall".to_owned());
+    assert!(matches!(error(&one_room, &config), Some(TrainError::TooFewRooms(1))));
     let lonely = &samples(&config, 3, 1);
     let absurd = Config { longest_side: 0, ..config };
     assert!(matches!(error(lonely, &absurd), Some(TrainError::Config(_))));
@@ -403,7 +403,7 @@ fn where_nothing_can_be_held_out_nothing_is_known() {
         train(&samples(&config, 3, 1), &config, Camera::new(Projection::Perspective)).unwrap();
     assert!(held_out.is_empty() && model.known_probability().is_none());
     let answer = model.classify(&samples(&config, 3, 1)[0].features);
-    assert_eq!(model.places()[answer.place_idx], "stripes");
+    assert_eq!(model.rooms()[answer.room_idx], "stripes");
 }
 
 #[test]
@@ -427,19 +427,19 @@ fn pictures_of_elsewhere_sharpen_novelty_and_are_never_a_room() {
     let mut of_two = samples(&config, 96, 1);
     of_two
         .iter_mut()
-        .filter(|sample| sample.place == "dots")
-        .for_each(|sample| sample.place = ELSEWHERE.into());
+        .filter(|sample| sample.room == "dots")
+        .for_each(|sample| sample.room = ELSEWHERE.into());
     let rooms: Vec<Sample> = of_two.iter().filter(|sample| !sample.is_elsewhere()).cloned().collect();
     let beside = train(&of_two, &config, camera.clone()).unwrap();
     let without = train(&rooms, &config, camera).unwrap();
-    assert_eq!(beside.model.places(), ["bars", "stripes"]);
+    assert_eq!(beside.model.rooms(), ["bars", "stripes"]);
     assert_eq!(beside.model.left_out.iter().count(), 32);
-    let room_of = |answer: &HeldOut| of_two[answer.sample_idx].place.clone();
+    let room_of = |answer: &HeldOut| of_two[answer.sample_idx].room.clone();
     assert!(beside.held_out.iter().all(|answer| room_of(answer) != ELSEWHERE) && beside.held_out.len() == 64);
-    let novelty = |model: &Model, place_idx: usize| {
+    let novelty = |model: &Model, room_idx: usize| {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let answers =
-            (0..20).map(|_| model.recognize(&frame(place_idx, &mut random), &mut Scratch::default()));
+            (0..20).map(|_| model.recognize(&frame(room_idx, &mut random), &mut Scratch::default()));
         answers.map(|answer| answer.novelty.unwrap() / 20.0).sum::<f32>()
     };
     let told_apart = |model: &Model| novelty(model, 2) - novelty(model, 0).max(novelty(model, 1));
@@ -452,7 +452,7 @@ fn pictures_of_elsewhere_sharpen_novelty_and_are_never_a_room() {
     // What is added counts too, and learns no room.
     let elsewhere: Vec<&Sample> = of_two.iter().filter(|sample| sample.is_elsewhere()).collect();
     let added = without.model.add(&elsewhere, 0.0, |_| ()).unwrap().model;
-    assert_eq!((added.places(), added.left_out.iter().count()), (without.model.places(), 32));
+    assert_eq!((added.rooms(), added.left_out.iter().count()), (without.model.rooms(), 32));
 }
 
 #[test]
@@ -492,21 +492,21 @@ fn the_same_seed_gives_the_same_file_for_any_number_of_threads() {
 
 #[test]
 fn folders_are_written_whole_and_damage_is_named() {
-    let place = tempfile::tempdir().unwrap();
-    let folder = place.path().join("lab/1");
+    let room = tempfile::tempdir().unwrap();
+    let folder = room.path().join("lab/1");
     let model = trained(&config()).model;
     let golden = GoldenFrame {
         name: "bars.png".to_owned(),
         bytes: vec![1, 2, 3],
-        place: "bars".to_owned(),
+        room: "bars".to_owned(),
         probability: 0.75,
     };
     model.save(&folder, std::slice::from_ref(&golden)).unwrap();
     let loaded = Model::load(&folder).unwrap();
     assert_eq!(loaded.digest.len(), 64);
-    assert_eq!(loaded.model.places(), model.places());
+    assert_eq!(loaded.model.rooms(), model.rooms());
     assert_eq!(golden::load_golden_frames(&folder).unwrap(), [golden]);
-    assert_eq!(std::fs::read_dir(place.path().join("lab")).unwrap().count(), 1, "nothing temporary is left");
+    assert_eq!(std::fs::read_dir(room.path().join("lab")).unwrap().count(), 1, "nothing temporary is left");
     assert!(matches!(model.save(&folder, &[]), Err(SaveError::Exists(_))));
 
     let file = folder.join("model.safetensors");
@@ -564,7 +564,7 @@ proptest! {
         if let Ok(model) = Model::from_bytes(&bytes) {
             let mut random = ChaCha8Rng::seed_from_u64(1);
             let answer = model.recognize(&frame(0, &mut random), &mut Scratch::default());
-            prop_assert!(answer.place_idx < model.places().len());
+            prop_assert!(answer.room_idx < model.rooms().len());
             prop_assert!(answer.novelty.is_none_or(|novelty| (0.0..=1.0).contains(&novelty)));
         }
     }

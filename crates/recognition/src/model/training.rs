@@ -20,7 +20,7 @@ pub struct Training {
 pub struct HeldOut {
     /// Which sample.
     pub sample_idx: usize,
-    /// The answer; its places are [`Model::places`].
+    /// The answer; its places are [`Model::rooms`].
     pub recognition: Recognition,
 }
 

@@ -28,7 +28,7 @@ pub struct Trials<'a> {
     /// Which of them show rooms. Samples are numbered among these from here on.
     sample_idxs: Vec<usize>,
     samples: Vec<&'a Sample>,
-    places: Vec<String>,
+    rooms: Vec<String>,
     /// One class a sample.
     labels: Vec<usize>,
     folds: Vec<usize>,
@@ -98,13 +98,13 @@ impl<'a> Trials<'a> {
             (0..given.len()).partition(|&idx| given[idx].is_elsewhere());
         let samples: Vec<&Sample> = sample_idxs.iter().map(|&idx| given[idx]).collect();
         let elsewhere: Vec<&Sample> = spread(&elsewhere, ENOUGH_FRAMES).map(|&idx| given[idx]).collect();
-        let names: BTreeSet<&str> = samples.iter().map(|sample| sample.place.as_str()).collect();
-        let places: Vec<String> = names.into_iter().map(str::to_owned).collect();
-        if places.len() < 2 {
-            return Err(TrainError::TooFewPlaces(places.len()));
+        let names: BTreeSet<&str> = samples.iter().map(|sample| sample.room.as_str()).collect();
+        let rooms: Vec<String> = names.into_iter().map(str::to_owned).collect();
+        if rooms.len() < 2 {
+            return Err(TrainError::TooFewRooms(rooms.len()));
         }
         let labels: Vec<usize> =
-            samples.iter().map(|sample| places.binary_search(&sample.place).unwrap_or_default()).collect();
+            samples.iter().map(|sample| rooms.binary_search(&sample.room).unwrap_or_default()).collect();
         let tried = |(name, opinion): (&'a String, &'a OpinionConfig)| {
             let sight = opinion.sight();
             let see = |samples: &[&'a Sample]| {
@@ -123,7 +123,7 @@ impl<'a> Trials<'a> {
             given,
             sample_idxs,
             samples,
-            places,
+            rooms,
             labels,
             folds: Vec::new(),
             n_folds: 0,
@@ -178,15 +178,15 @@ impl<'a> Trials<'a> {
     }
 
     /// The rooms, sorted.
-    pub fn places(&self) -> &[String] {
-        &self.places
+    pub fn rooms(&self) -> &[String] {
+        &self.rooms
     }
 
     /// Whether each sample that was given was answered, and with its room.
     pub(crate) fn is_right(&self, held_out: &[HeldOut]) -> Vec<bool> {
         let mut is_right = vec![false; self.given.len()];
         for HeldOut { sample_idx, recognition } in held_out {
-            is_right[*sample_idx] = self.given[*sample_idx].place == self.places[recognition.place_idx];
+            is_right[*sample_idx] = self.given[*sample_idx].room == self.rooms[recognition.room_idx];
         }
         is_right
     }
@@ -223,9 +223,9 @@ impl<'a> Trials<'a> {
             let others: Vec<&Decided> =
                 decisions.iter().filter(is_other).map(|decision| &decision.decided).collect();
             let others = if others.is_empty() { &all } else { &others };
-            let fusion = Fusion::fit(config, self.places.len(), others, &all)?;
+            let fusion = Fusion::fit(config, self.rooms.len(), others, &all)?;
             for decision in decisions.iter().filter(|decision| !is_other(decision)) {
-                let answer = fusion.answer(config, &decision.decided, self.places.len());
+                let answer = fusion.answer(config, &decision.decided, self.rooms.len());
                 answers.insert(decision.sample_idx, answer);
             }
         }
@@ -245,14 +245,14 @@ impl<'a> Trials<'a> {
     ) -> Result<Training, TrainError> {
         let decisions = self.decisions_of(config);
         let decided: Vec<&Decided> = decisions.iter().map(|decision| &decision.decided).collect();
-        let fusion = Fusion::fit(config, self.places.len(), &decided, &decided)?;
+        let fusion = Fusion::fit(config, self.rooms.len(), &decided, &decided)?;
         let mut rounds = self.decide_rounds(config, &mut progress)?;
         rounds.extend(self.elsewhere_of(config));
         progress(self.step(self.n_folds + self.rounds.len()));
         let answers = self.answers(config, &decisions)?;
-        let n_places = self.places.len();
+        let n_rooms = self.rooms.len();
         let Judged { novelty, known, novelties } =
-            judge(config, &fusion, &answers, &self.folds, &rounds, n_places);
+            judge(config, &fusion, &answers, &self.folds, &rounds, n_rooms);
         let all: Vec<usize> = (0..self.samples.len()).collect();
         let mut opinions = Vec::new();
         let wanted = self.opinions.iter_mut().filter(|tried| config.opinions.contains_key(tried.name));
@@ -270,10 +270,10 @@ impl<'a> Trials<'a> {
         let new = rounds.into_iter().filter(|decision| decision.is_new).map(|decision| decision.decided);
         let model = Model {
             config: config.clone(),
-            transitions: Transitions::unlearned(self.places.len()),
+            transitions: Transitions::unlearned(self.rooms.len()),
             extractor: Extractor::new(config, camera),
             classification: Classification {
-                n_places: self.places.len(),
+                n_rooms: self.rooms.len(),
                 opinions,
                 doubt: fusion.doubt,
                 novelty,
@@ -282,7 +282,7 @@ impl<'a> Trials<'a> {
             learned: LearnedFrames::new(&self.samples, &self.labels),
             held_out: HeldOutFrames::new(decided.into_iter().cloned().collect()).thinned(),
             left_out: HeldOutFrames::new(new.collect()).thinned(),
-            places: self.places.clone(),
+            rooms: self.rooms.clone(),
             networks: config.networks(),
             card: Card::default(),
         };
@@ -311,7 +311,7 @@ impl<'a> Trials<'a> {
                 // What cannot be learned without some of the rooms tells nothing of them.
                 let fitted = tried.train(&round.training, &self.labels).ok();
                 let answer =
-                    |frame: &RoundFrame| tried.answer(fitted.as_ref()?, frame.sample_idx, self.places.len());
+                    |frame: &RoundFrame| tried.answer(fitted.as_ref()?, frame.sample_idx, self.rooms.len());
                 said.par_extend(round.frames.par_iter().map(answer));
             }
         }
@@ -361,16 +361,16 @@ impl<'a> Trials<'a> {
             .collect::<Result<_, _>>()?;
         let decide = |&sample_idx: &usize| {
             let said = self.opinions.iter().zip(&fitted);
-            let said = said.map(|(tried, fitted)| tried.answer(fitted, sample_idx, self.places.len()));
+            let said = said.map(|(tried, fitted)| tried.answer(fitted, sample_idx, self.rooms.len()));
             let decided = Decided { label: self.labels[sample_idx], said: said.collect() };
             Decision { sample_idx, decided }
         };
-        let n_places = self.places.len();
+        let n_rooms = self.rooms.len();
         let decide_elsewhere = |&idx: &usize| {
             let said = self.opinions.iter().zip(&fitted);
-            let said = said.map(|(tried, fitted)| fitted.says(tried, tried.seen_elsewhere[idx], n_places));
+            let said = said.map(|(tried, fitted)| fitted.says(tried, tried.seen_elsewhere[idx], n_rooms));
             // It shows no room: any will do, and all in turn, so that forgetting one forgets few of these.
-            let decided = Decided { label: idx % n_places, said: said.collect() };
+            let decided = Decided { label: idx % n_rooms, said: said.collect() };
             RoundDecision { fold, decided, is_new: true }
         };
         let n_elsewhere = self.opinions.first().map_or(0, |tried| tried.seen_elsewhere.len());
@@ -420,8 +420,8 @@ impl Tried<'_> {
     }
 
     /// What it says of a sample, among all rooms, when it was trained so.
-    fn answer(&self, fitted: &Fitted, sample_idx: usize, n_places: usize) -> Option<Said> {
-        fitted.says(self, self.seen[sample_idx], n_places)
+    fn answer(&self, fitted: &Fitted, sample_idx: usize, n_rooms: usize) -> Option<Said> {
+        fitted.says(self, self.seen[sample_idx], n_rooms)
     }
 }
 
@@ -434,9 +434,9 @@ struct Fitted {
 
 impl Fitted {
     /// What an opinion that was trained so says of a frame, among all rooms.
-    fn says(&self, tried: &Tried, seen: &Seen, n_places: usize) -> Option<Said> {
+    fn says(&self, tried: &Tried, seen: &Seen, n_rooms: usize) -> Option<Said> {
         let said = self.trained.answer(seen)?;
-        let values = spread_out(tried.config.way(), &self.present, n_places, &said.values);
+        let values = spread_out(tried.config.way(), &self.present, n_rooms, &said.values);
         Some(said.with_values(values))
     }
 }

@@ -79,10 +79,10 @@ pub(crate) struct HeldOutValues {
 
 impl Way {
     /// The number of decision values for so many rooms.
-    pub(crate) fn n_values(self, n_places: usize) -> usize {
+    pub(crate) fn n_values(self, n_rooms: usize) -> usize {
         match self {
-            Self::Sigmoids(scheme) => scheme.n_machines(n_places),
-            Self::Softmax { .. } => n_places,
+            Self::Sigmoids(scheme) => scheme.n_machines(n_rooms),
+            Self::Softmax { .. } => n_rooms,
         }
     }
 }
@@ -92,7 +92,7 @@ impl Calibration {
     pub(crate) fn fit(
         way: Way,
         held_out: &HeldOutValues,
-        n_places: usize,
+        n_rooms: usize,
         config: &CalibrationConfig,
     ) -> Result<Self, TrainError> {
         let HeldOutValues { values, labels } = held_out;
@@ -103,7 +103,7 @@ impl Calibration {
                     Sigmoids::PerMachine => svm::Calibration::fit,
                     Sigmoids::Shared => svm::Calibration::fit_shared,
                 };
-                Ok(Self::Sigmoids(fit(scheme, values, labels, n_places)?))
+                Ok(Self::Sigmoids(fit(scheme, values, labels, n_rooms)?))
             }
         }
     }
@@ -131,23 +131,23 @@ impl Calibration {
     }
 
     /// What is taken where nothing is known.
-    pub(crate) fn usual(way: Way, n_places: usize, config: &CalibrationConfig) -> Result<Self, TrainError> {
-        let none = HeldOutValues { values: Matrix::new(way.n_values(n_places)), labels: Vec::new() };
-        Self::fit(way, &none, n_places, config)
+    pub(crate) fn usual(way: Way, n_rooms: usize, config: &CalibrationConfig) -> Result<Self, TrainError> {
+        let none = HeldOutValues { values: Matrix::new(way.n_values(n_rooms)), labels: Vec::new() };
+        Self::fit(way, &none, n_rooms, config)
     }
 
     /// A calibration of unknown origin. That of what was called a cue in files of format version 1 is one of sigmoids,
     /// one a room.
-    pub(crate) fn from_arrays(way: Way, n_places: usize, arrays: &Arrays) -> Result<Self, FormatError> {
+    pub(crate) fn from_arrays(way: Way, n_rooms: usize, arrays: &Arrays) -> Result<Self, FormatError> {
         let has_sigmoids = arrays.has("calibration.slopes");
         match way {
             Way::Softmax { .. } if has_sigmoids => {
-                Self::from_arrays(Way::Sigmoids(Scheme::OneVsAll), n_places, arrays)
+                Self::from_arrays(Way::Sigmoids(Scheme::OneVsAll), n_rooms, arrays)
             }
             Way::Sigmoids(scheme) => {
                 let slopes = arrays.vector("calibration.slopes")?;
                 let offsets = arrays.vector("calibration.offsets")?;
-                svm::Calibration::from_parts(scheme, n_places, slopes, offsets)
+                svm::Calibration::from_parts(scheme, n_rooms, slopes, offsets)
                     .map(Self::Sigmoids)
                     .map_err(|error| FormatError::Damaged(error.to_string()))
             }

@@ -24,7 +24,7 @@ pub enum TrainError {
     OtherSights,
     /// Fewer than two rooms.
     #[error("a model needs frames of at least two rooms; these show {0}")]
-    TooFewPlaces(usize),
+    TooFewRooms(usize),
     /// No vocabulary.
     #[error(transparent)]
     Vocabulary(#[from] VocabularyError),
@@ -83,10 +83,10 @@ pub enum AddError {
         sequence: String,
     },
     /// Every support vector of a room was dropped.
-    #[error("the model has forgotten {place}: add frames of it, or forget less")]
-    ForgottenPlace {
+    #[error("the model has forgotten {room}: add frames of it, or forget less")]
+    ForgottenRoom {
         /// The room.
-        place: String,
+        room: String,
     },
     /// A class that has no frame left, before its name is known.
     #[error("the model has forgotten a room: add frames of it, or forget less")]

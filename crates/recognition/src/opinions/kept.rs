@@ -187,10 +187,10 @@ mod tests {
         let rows = Matrix::from_vec(vec![0.0, 0.0, 1.0, 0.5], 2).unwrap();
         let kept = KeptRows::new(&rows);
         assert_eq!(kept.rows().row(0), [0.0, 0.0]);
-        let added = |labels| Added { frames: &[], labels, n_places: 2, of_earlier: &[0, 1], forget: 0.0 };
+        let added = |labels| Added { frames: &[], labels, n_rooms: 2, of_earlier: &[0, 1], forget: 0.0 };
         assert!(kept.with(&rows, &added(&[0, 1, 0])).is_none());
         let more = kept.with(&rows, &added(&[0, 1, 0, 1])).unwrap();
-        let left = Left { is_left: &[false, true, false, false], labels: &[0], n_places: 1 };
+        let left = Left { is_left: &[false, true, false, false], labels: &[0], n_rooms: 1 };
         let last = more.left(&left).unwrap();
         assert_eq!(last.n_rows(), 1);
         assert!((last.rows().row(0)[1] - 0.5).abs() < 0.01);

@@ -309,14 +309,14 @@ impl Recognizer for Machines {
         match (&self.kind, &self.config.classifier) {
             (Kind::Linear(vocabulary, _), Classifier::LinearSvm(config)) => {
                 let kept = self.kept.with(&bags(vocabulary), added).ok_or(AddError::NothingKept)?;
-                let svm = LinearSvm::train(&kept.rows(), added.labels, added.n_places, config)?;
+                let svm = LinearSvm::train(&kept.rows(), added.labels, added.n_rooms, config)?;
                 Ok(Self { kind: Kind::Linear(vocabulary.clone(), svm), kept, ..self.clone() })
             }
             (Kind::Kernel(vocabulary, svm, support_labels), Classifier::KernelSvm(config)) => {
                 let support_labels = support_labels.iter().map(|&label| added.of_earlier[label]).collect();
                 let before = IncrementalSvm::from_parts(svm.clone(), support_labels, &config.machines)?;
                 let labels = &added.labels[added.labels.len() - added.frames.len()..];
-                let learned = before.updated(&bags(vocabulary), labels, added.n_places);
+                let learned = before.updated(&bags(vocabulary), labels, added.n_rooms);
                 let (svm, support_labels) = learned.map_err(forgotten)?.reduced(added.forget)?.into_parts();
                 let kind = Kind::Kernel(vocabulary.clone(), svm, support_labels);
                 Ok(Self { kind, ..self.clone() })
@@ -329,7 +329,7 @@ impl Recognizer for Machines {
         match (&self.kind, &self.config.classifier) {
             (Kind::Linear(vocabulary, _), Classifier::LinearSvm(config)) => {
                 let kept = self.kept.left(left).ok_or(AddError::NothingKept)?;
-                let svm = LinearSvm::train(&kept.rows(), left.labels, left.n_places, config)?;
+                let svm = LinearSvm::train(&kept.rows(), left.labels, left.n_rooms, config)?;
                 Ok(Self { kind: Kind::Linear(vocabulary.clone(), svm), kept, ..self.clone() })
             }
             (Kind::Kernel(..), _) => Err(AddError::Unforgettable { classifier: "kernel_svm" }),
@@ -340,12 +340,12 @@ impl Recognizer for Machines {
 
     /// What each keypoint said. With one machine a pair of rooms, the sum over the machines that the room takes part
     /// in. Only linear machines can be taken apart like this; for others there is nothing.
-    fn clues(&self, seen: &Seen, place_idx: usize) -> Vec<Clue> {
+    fn clues(&self, seen: &Seen, room_idx: usize) -> Vec<Clue> {
         let (Kind::Linear(vocabulary, svm), Some(local)) = (&self.kind, seen.local()) else {
             return Vec::new();
         };
         let words = vocabulary.quantize(&local.descriptors);
-        let weights = keypoint_weights((vocabulary, svm), (local, &words), place_idx);
+        let weights = keypoint_weights((vocabulary, svm), (local, &words), room_idx);
         let clues = words.iter().zip(&local.keypoints).zip(weights).map(|((&word, keypoint), weight)| Clue {
             x: keypoint.x,
             y: keypoint.y,
@@ -433,7 +433,7 @@ fn forgotten(error: SvmError) -> AddError {
 fn keypoint_weights(
     (vocabulary, svm): (&Vocabulary, &LinearSvm),
     (frame, words): (&LocalFeatures, &[u32]),
-    place_idx: usize,
+    room_idx: usize,
 ) -> Vec<f32> {
     let row = vocabulary.row_of_words(frame.described(), words);
     let width = vocabulary.block_width();
@@ -442,7 +442,7 @@ fn keypoint_weights(
     blocks().flatten().for_each(|block| counts[block] += 1.0);
     let share = |block: usize| {
         let added_by = |column: usize| {
-            let signed = signed_machines(svm, place_idx);
+            let signed = signed_machines(svm, room_idx);
             let sum: f32 = signed.map(|(machine, sign)| sign * svm.weights().row(machine)[column]).sum();
             sum * row[column]
         };
@@ -453,13 +453,13 @@ fn keypoint_weights(
 }
 
 /// The machines that speak of a room, and whether their positive side is it.
-fn signed_machines(svm: &LinearSvm, place_idx: usize) -> impl Iterator<Item = (usize, f32)> {
-    let n_places = svm.n_classes();
-    let one_vs_all = (svm.scheme() == Scheme::OneVsAll).then_some((place_idx, 1.0));
-    let pairs = (0..n_places).flat_map(move |a| (a + 1..n_places).map(move |b| (a, b))).enumerate();
+fn signed_machines(svm: &LinearSvm, room_idx: usize) -> impl Iterator<Item = (usize, f32)> {
+    let n_rooms = svm.n_classes();
+    let one_vs_all = (svm.scheme() == Scheme::OneVsAll).then_some((room_idx, 1.0));
+    let pairs = (0..n_rooms).flat_map(move |a| (a + 1..n_rooms).map(move |b| (a, b))).enumerate();
     let one_vs_one = pairs.filter_map(move |(machine, (a, b))| {
-        let sign = if a == place_idx { 1.0 } else { -1.0 };
-        (one_vs_all.is_none() && (a == place_idx || b == place_idx)).then_some((machine, sign))
+        let sign = if a == room_idx { 1.0 } else { -1.0 };
+        (one_vs_all.is_none() && (a == room_idx || b == room_idx)).then_some((machine, sign))
     });
     one_vs_all.into_iter().chain(one_vs_one)
 }

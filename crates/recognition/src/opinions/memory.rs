@@ -142,20 +142,20 @@ const SIGNS: [Sign; 7] = [
 
 /// The memory; frames are numbered as the model has learned them.
 #[derive(Clone, Debug)]
-pub(crate) struct Places {
+pub(crate) struct Remembrance {
     config: MemoryConfig,
     memory: Memory,
 }
 
-impl Places {
+impl Remembrance {
     /// The logarithms of each room's score and, of keypoints, of its best frame's votes over the means of all rooms', which
     /// do not depend on how near descriptors are altogether; they count less where a room has few frames. Cells of a
     /// grid lie in other places of the next frame, so that no single frame has them all.
     fn decide(&self, recall: &Recall) -> Vec<f32> {
-        let scores = &recall.place_scores;
+        let scores = &recall.room_scores;
         let mut best_votes = vec![0.0_f32; scores.len()];
         for frame in &recall.frames {
-            let best = &mut best_votes[self.memory.origins()[frame.frame_idx].place_idx];
+            let best = &mut best_votes[self.memory.origins()[frame.frame_idx].room_idx];
             *best = best.max(frame.votes);
         }
         let n_of_room = self.memory.origins().len() as f32 / scores.len().max(1) as f32;
@@ -173,7 +173,7 @@ impl Places {
 /// one frame, and how near the nearest descriptors are.
 fn signs(recall: &Recall, values: &[f32]) -> Vec<f32> {
     let best = recall.best_score();
-    let share = best / recall.place_scores.iter().sum::<f32>().max(f32::MIN_POSITIVE);
+    let share = best / recall.room_scores.iter().sum::<f32>().max(f32::MIN_POSITIVE);
     let farthest = 4.0;
     let nearest = -recall.mean_nearest.unwrap_or(farthest);
     let of_recall = [best, recall.gap(), share, recall.most_votes(), nearest];
@@ -189,7 +189,7 @@ fn over_mean(scores: &[f32]) -> impl Iterator<Item = f32> {
 /// Added to scores before their logarithm is taken, in means of all rooms: a room without any is not impossible.
 const LEAST_SCORE: f32 = 1e-3;
 
-impl Recognizer for Places {
+impl Recognizer for Remembrance {
     type Config = MemoryConfig;
     type Prepared = memory::Prepared;
 
@@ -203,7 +203,7 @@ impl Recognizer for Places {
         _: &[&Seen],
         chosen: &Chosen,
     ) -> Result<Self, TrainError> {
-        let origin = |(&frame_idx, &place_idx)| (frame_idx, Origin { place_idx, frame_idx });
+        let origin = |(&frame_idx, &room_idx)| (frame_idx, Origin { room_idx, frame_idx });
         let origins: Vec<_> = chosen.frame_idxs.iter().zip(chosen.labels).map(origin).collect();
         Ok(Self { config: config.clone(), memory: prepared.memory(&origins, chosen.n_classes) })
     }
@@ -221,13 +221,13 @@ impl Recognizer for Places {
 
     fn add(&self, added: &Added) -> Result<Self, AddError> {
         let mut memory = self.memory.clone();
-        memory.renumber(added.n_places, |origin| Origin {
-            place_idx: added.of_earlier[origin.place_idx],
+        memory.renumber(added.n_rooms, |origin| Origin {
+            room_idx: added.of_earlier[origin.room_idx],
             ..*origin
         });
         let first = added.labels.len() - added.frames.len();
         let origins = (first..).zip(&added.labels[first..]);
-        let origins = origins.map(|(frame_idx, &place_idx)| Origin { place_idx, frame_idx });
+        let origins = origins.map(|(frame_idx, &room_idx)| Origin { room_idx, frame_idx });
         let frames: Vec<(&Matrix, Origin)> = descriptors_of(added.frames).into_iter().zip(origins).collect();
         memory.learn(&frames, LATER_SEED);
         Ok(Self { memory, config: self.config.clone() })
@@ -245,22 +245,22 @@ impl Recognizer for Places {
                 new_idx.saturating_sub(1)
             })
             .collect();
-        memory.renumber(left.n_places, |origin| {
+        memory.renumber(left.n_rooms, |origin| {
             let frame_idx = new_idxs[origin.frame_idx];
-            Origin { place_idx: left.labels[frame_idx], frame_idx }
+            Origin { room_idx: left.labels[frame_idx], frame_idx }
         });
         Ok(Self { memory, config: self.config.clone() })
     }
 
     /// What each keypoint found nearest in the room.
-    fn clues(&self, seen: &Seen, place_idx: usize) -> Vec<Clue> {
+    fn clues(&self, seen: &Seen, room_idx: usize) -> Vec<Clue> {
         let (Some(local), Some(descriptors)) = (seen.local(), seen.descriptors()) else { return Vec::new() };
         let recall = self.memory.recall(descriptors);
         let origin = |matched: &memory::Match| self.memory.origins()[matched.frame_idx];
-        let mut of_place: Vec<&memory::Match> =
-            recall.matches.iter().filter(|matched| origin(matched).place_idx == place_idx).collect();
+        let mut of_room: Vec<&memory::Match> =
+            recall.matches.iter().filter(|matched| origin(matched).room_idx == room_idx).collect();
         // The nearest of each keypoint comes first.
-        of_place.dedup_by_key(|matched| matched.descriptor_idx);
+        of_room.dedup_by_key(|matched| matched.descriptor_idx);
         let clue = |matched: &memory::Match| {
             let keypoint = &local.keypoints[matched.descriptor_idx];
             let likeness = Likeness::Frame(origin(matched).frame_idx);
@@ -271,7 +271,7 @@ impl Recognizer for Places {
                 weight: matched.margin / descriptors.n_rows() as f32,
             }
         };
-        of_place.into_iter().map(clue).collect()
+        of_room.into_iter().map(clue).collect()
     }
 
     /// By votes. A descriptor may have found several frames.
@@ -307,7 +307,7 @@ impl Recognizer for Places {
             Array::bytes("memory.codes", [codes.len() / width, width], &codes),
             Array::counts("memory.list_lengths", list_lengths.iter().copied()),
             Array::counts("memory.frames", frame_idxs.into_iter()),
-            Array::counts("memory.rooms", origins.iter().map(|origin| origin.place_idx)),
+            Array::counts("memory.rooms", origins.iter().map(|origin| origin.room_idx)),
             Array::counts("memory.learned", origins.iter().map(|origin| origin.frame_idx)),
         ]
     }
@@ -323,13 +323,13 @@ impl Recognizer for Places {
         };
         let scale = arrays.vector("memory.scale")?;
         require(scale.len() == 1, "its memory has no scale")?;
-        let (places, learned) = (arrays.counts("memory.rooms")?, arrays.counts("memory.learned")?);
-        require(places.len() == learned.len(), "the frames of its memory have other numbers of rooms")?;
+        let (rooms, learned) = (arrays.counts("memory.rooms")?, arrays.counts("memory.learned")?);
+        require(rooms.len() == learned.len(), "the frames of its memory have other numbers of rooms")?;
         require(
             learned.iter().all(|&frame_idx| frame_idx < shape.n_frames),
             "its memory has a frame that it has not learned",
         )?;
-        let origins = places.into_iter().zip(learned);
+        let origins = rooms.into_iter().zip(learned);
         let parts = Parts {
             components,
             offsets: arrays.vector("memory.offsets")?,
@@ -338,9 +338,9 @@ impl Recognizer for Places {
             codes: rows("memory.codes")?,
             list_lengths: arrays.counts("memory.list_lengths")?,
             frame_idxs: arrays.numbers("memory.frames")?,
-            origins: origins.map(|(place_idx, frame_idx)| Origin { place_idx, frame_idx }).collect(),
+            origins: origins.map(|(room_idx, frame_idx)| Origin { room_idx, frame_idx }).collect(),
         };
-        let memory = Memory::from_parts(parts, &config.memory, shape.n_places);
+        let memory = Memory::from_parts(parts, &config.memory, shape.n_rooms);
         let memory = memory.map_err(|error: MemoryError| FormatError::Damaged(error.to_string()))?;
         Ok(Self { config: config.clone(), memory })
     }

@@ -59,27 +59,27 @@ pub(crate) fn answer(
     by_opinion: &[Option<Vec<f32>>],
     weights: &[f64],
     doubt: f64,
-    n_places: usize,
+    n_rooms: usize,
 ) -> Vec<f32> {
     let votes = by_opinion.iter().zip(weights);
     let votes = votes
         .filter_map(|(probabilities, &weight)| Some(Vote { weight, probabilities: probabilities.clone()? }));
     let probabilities = doubted(pooled(votes), doubt);
-    if probabilities.is_empty() { vec![1.0 / n_places as f32; n_places] } else { probabilities }
+    if probabilities.is_empty() { vec![1.0 / n_rooms as f32; n_rooms] } else { probabilities }
 }
 
 /// The share of frames that show what was never seen: that under which the rooms that frames show are most probable, by
 /// expectation maximization, as if two more frames had been seen, one of each kind. Without it opinions that are sure
 /// of every frame would stay so, however often they are wrong.
-pub(crate) fn fit_doubt(frames: &[Judged], weights: &[f64], n_places: usize) -> f64 {
+pub(crate) fn fit_doubt(frames: &[Judged], weights: &[f64], n_rooms: usize) -> f64 {
     if frames.is_empty() {
         return 0.0;
     }
-    let of_label = |frame: &Judged| f64::from(answer(&frame.by_opinion, weights, 0.0, n_places)[frame.label]);
+    let of_label = |frame: &Judged| f64::from(answer(&frame.by_opinion, weights, 0.0, n_rooms)[frame.label]);
     let of_labels: Vec<f64> = frames.iter().map(of_label).collect();
     let mut doubt = 0.5;
     for _ in 0..MAX_STEPS {
-        let unseen = doubt / n_places as f64;
+        let unseen = doubt / n_rooms as f64;
         let n_unseen: f64 = of_labels.iter().map(|p| unseen / (unseen + (1.0 - doubt) * p)).sum();
         doubt = (n_unseen + 1.0) / (frames.len() as f64 + 2.0);
     }

@@ -32,8 +32,8 @@ pub(crate) const WHOLE_SIGNS: [Sign; 3] =
 
 impl<C: WholeConfig> Whole<C> {
     /// Trains on kept rows alone, so that it does not matter when they came.
-    fn of_kept(config: &C, kept: KeptRows, labels: &[usize], n_places: usize) -> Result<Self, svm::SvmError> {
-        let svm = LinearSvm::train(&kept.rows(), labels, n_places, &config.machines())?;
+    fn of_kept(config: &C, kept: KeptRows, labels: &[usize], n_rooms: usize) -> Result<Self, svm::SvmError> {
+        let svm = LinearSvm::train(&kept.rows(), labels, n_rooms, &config.machines())?;
         Ok(Self { config: config.clone(), svm, kept })
     }
 }
@@ -67,12 +67,12 @@ impl<C: WholeConfig> Recognizer for Whole<C> {
     fn add(&self, added: &Added) -> Result<Self, AddError> {
         let rows = rows_of(added.frames.iter().copied());
         let kept = self.kept.with(&rows, added).ok_or(AddError::NothingKept)?;
-        Ok(Self::of_kept(&self.config, kept, added.labels, added.n_places)?)
+        Ok(Self::of_kept(&self.config, kept, added.labels, added.n_rooms)?)
     }
 
     fn without(&self, left: &Left) -> Result<Self, AddError> {
         let kept = self.kept.left(left).ok_or(AddError::NothingKept)?;
-        Ok(Self::of_kept(&self.config, kept, left.labels, left.n_places)?)
+        Ok(Self::of_kept(&self.config, kept, left.labels, left.n_rooms)?)
     }
 
     fn clues(&self, _: &Seen, _: usize) -> Vec<Clue> {

@@ -94,7 +94,7 @@ async fn answer(app: &App, path: ModelPath, request: Request) -> Result<Response
     let answers = all(answers(app.engine.clone(), asked, frames).await?)?;
     let mut response = InferResponse::new(&ModelName::from(&*served), id);
     for output in outputs {
-        push(&mut response, output, &answers, served.model.places());
+        push(&mut response, output, &answers, served.model.rooms());
     }
     written(response)
 }

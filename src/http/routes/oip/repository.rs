@@ -33,7 +33,7 @@ pub fn loaded(entry: &Entry) -> impl Iterator<Item = u64> {
 pub fn metadata(app: &App, path: &ModelPath) -> Result<ModelMetadata, LookupError> {
     let served = served(app, path)?;
     let versions = ready_versions(app, &path.name)?.iter().map(u64::to_string).collect();
-    Ok(ModelMetadata::new(&path.name, versions, served.model.places().len()))
+    Ok(ModelMetadata::new(&path.name, versions, served.model.rooms().len()))
 }
 
 /// Lists the models and their versions

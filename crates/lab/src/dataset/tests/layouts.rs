@@ -6,7 +6,7 @@ use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Stdio};
 
-/// `split:sequence:place:name` of each frame.
+/// `split:sequence:room:name` of each frame.
 fn split_frames(dataset: &Dataset) -> Vec<String> {
     let labels = frames(dataset).into_iter().zip(&dataset.frames);
     labels.map(|(label, frame)| format!("{}:{label}", frame.split)).collect()
@@ -57,7 +57,7 @@ fn splits_that_cannot_be_read_are_told() {
     let beside = error(&["train/hall/1.jpg", "val/hall/2.jpg", "extra/1.jpg"]);
     assert!(beside.contains("`train` and `val` look like splits") && beside.contains("`extra`"), "{beside}");
     let room = open(tree(&["test/1.jpg", "hall/1.jpg", "kitchen/1.jpg"]).path()).unwrap();
-    assert_eq!(room.places(), ["hall", "kitchen", "test"]);
+    assert_eq!(room.rooms(), ["hall", "kitchen", "test"]);
 }
 
 #[test]
@@ -83,20 +83,20 @@ fn a_room_beside_one_without_a_picture_is_no_folder_around_rooms() {
     let drives = ["kitchen/monday/1.jpg", "kitchen/tuesday/1.jpg"];
     let heic = "hall/1.HEIC = \0\0\0\x18ftypheic\0\0\0\0mif1heic";
     let set = tree(&[drives[0], drives[1], heic]);
-    assert_eq!(open(set.path()).unwrap().places(), ["kitchen"]);
+    assert_eq!(open(set.path()).unwrap().rooms(), ["kitchen"]);
     let set = tree(&drives);
     fs::create_dir(set.path().join("hall")).unwrap();
-    assert_eq!(open(set.path()).unwrap().places(), ["kitchen"]);
+    assert_eq!(open(set.path()).unwrap().rooms(), ["kitchen"]);
     let set = tree(&["images/hall/1.jpg", "images/kitchen/1.jpg", "notes/1.txt"]);
-    assert_eq!(open(set.path()).unwrap().places(), ["hall", "kitchen"]);
+    assert_eq!(open(set.path()).unwrap().rooms(), ["hall", "kitchen"]);
 }
 
 #[test]
 fn a_single_room_that_a_model_knows_is_no_folder_around_rooms() {
     let set = tree(&["kitchen/monday/1.jpg", "kitchen/tuesday/1.jpg"]);
     let rooms = ["hall", "kitchen"].map(str::to_owned);
-    assert_eq!(open_for(set.path(), &rooms).unwrap().places(), ["kitchen"]);
-    assert_eq!(open(set.path()).unwrap().places(), ["monday", "tuesday"]);
+    assert_eq!(open_for(set.path(), &rooms).unwrap().rooms(), ["kitchen"]);
+    assert_eq!(open(set.path()).unwrap().rooms(), ["monday", "tuesday"]);
 }
 
 #[test]
@@ -152,7 +152,7 @@ fn what_systems_and_cameras_leave_is_no_room() {
 fn names_that_look_the_same_are_not_two_rooms() {
     let decomposed = tree(&["Ku\u{308}che/1.jpg", "K\u{fc}che/2.jpg", "hall/1.jpg", "hall /2.jpg"]);
     let dataset = open(decomposed.path()).unwrap();
-    assert_eq!(dataset.places(), ["K\u{fc}che", "hall"]);
+    assert_eq!(dataset.rooms(), ["K\u{fc}che", "hall"]);
     let notes: Vec<&str> = dataset.notes.iter().map(|note| note.reason.as_str()).collect();
     let why = "differ in spaces or in how letters are encoded: taken as one room";
     assert_eq!(

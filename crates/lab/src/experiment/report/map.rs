@@ -12,7 +12,7 @@ const MAX_HEIGHT: f64 = 420.0;
 struct Dot<'a> {
     x: f64,
     y: f64,
-    place: &'a str,
+    room: &'a str,
     answered: &'a str,
 }
 
@@ -80,7 +80,7 @@ pub fn map(drives: &Drives, measured: &Rates) -> String {
         for answer in answers {
             let frame = &drive.dataset.frames[answer.frame_idx];
             if let Some(pose) = frame.pose {
-                dots.push(Dot { x: pose.x, y: pose.y, place: &frame.place, answered: &answer.place });
+                dots.push(Dot { x: pose.x, y: pose.y, room: &frame.room, answered: &answer.room });
             }
         }
     }
@@ -89,24 +89,24 @@ pub fn map(drives: &Drives, measured: &Rates) -> String {
     }
     let corners = walls.iter().flat_map(|wall| [wall.from, wall.to]).map(|[x, y]| (x.into(), y.into()));
     let area = Area::round(dots.iter().map(|dot| (dot.x, dot.y)).chain(corners));
-    let mut places: Vec<&str> = dots.iter().map(|dot| dot.place).collect();
-    places.sort_unstable();
-    places.dedup();
-    let mut svg = area.axes() + &legend(&places);
+    let mut rooms: Vec<&str> = dots.iter().map(|dot| dot.room).collect();
+    rooms.sort_unstable();
+    rooms.dedup();
+    let mut svg = area.axes() + &legend(&rooms);
     for Wall { from: [x1, y1], to: [x2, y2] } in walls {
         let [x1, x2] = [x1, x2].map(|x| area.x(x.into()));
         let [y1, y2] = [y1, y2].map(|y| area.y(y.into()));
         svg +=
             &format!("<line class=\"wall\" x1=\"{x1:.1}\" x2=\"{x2:.1}\" y1=\"{y1:.1}\" y2=\"{y2:.1}\"/>\n");
     }
-    for Dot { x, y, place, answered } in &dots {
+    for Dot { x, y, room, answered } in &dots {
         let (x, y) = (area.x(*x), area.y(*y));
-        let color = places.iter().position(|other| other == place).unwrap_or(0) % N_COLORS;
+        let color = rooms.iter().position(|other| other == room).unwrap_or(0) % N_COLORS;
         svg += &format!("<circle class=\"f{color}\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"2.5\"/>\n");
-        if place != answered {
+        if room != answered {
             svg += &format!(
                 "<circle class=\"error\" cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"5\"><title>{} answered as {}</title></circle>\n",
-                escape(place),
+                escape(room),
                 escape(answered)
             );
         }

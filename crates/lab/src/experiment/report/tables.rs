@@ -178,14 +178,14 @@ fn costs(plan: &Plan, measured: &[Measured]) -> Table {
 
 fn confusion(plan: &Plan, cell: &Cell, rates: &Rates) -> Table {
     let best = &rates.best;
-    let right = |(place, rate): (&str, &Rate)| {
+    let right = |(room, rate): (&str, &Rate)| {
         (rate.n_frames > 0)
-            .then(|| format!("{place}, {} of {} frames are answered right.", rate.n_correct, rate.n_frames))
+            .then(|| format!("{room}, {} of {} frames are answered right.", rate.n_correct, rate.n_frames))
     };
     let borders =
         [("Near room borders", &best.only_border), ("Away from room borders", &best.without_border)];
-    let counts = |(place, counts): (&String, &Vec<usize>)| {
-        (place.clone(), counts.iter().map(|&count| Value::Count(count)).collect())
+    let counts = |(room, counts): (&String, &Vec<usize>)| {
+        (room.clone(), counts.iter().map(|&count| Value::Count(count)).collect())
     };
     Table {
         name: format!("{}-confusion-{}", plan.experiment, slug(&cell.name())),
@@ -198,17 +198,17 @@ fn confusion(plan: &Plan, cell: &Cell, rates: &Rates) -> Table {
         .chain(borders.into_iter().filter_map(right))
         .collect(),
         corner: "shown \\ answered".to_owned(),
-        columns: best.places.iter().map(Column::single).collect(),
-        rows: best.places.iter().zip(&best.confusion).map(counts).collect(),
+        columns: best.rooms.iter().map(Column::single).collect(),
+        rows: best.rooms.iter().zip(&best.confusion).map(counts).collect(),
     }
 }
 
 /// The rates of the rooms, a row a cell.
 fn by_room(plan: &Plan, rates: &[(&Cell, &Rates)]) -> Table {
-    let rooms: BTreeSet<&String> = rates.iter().flat_map(|(_, rates)| &rates.best.places).collect();
+    let rooms: BTreeSet<&String> = rates.iter().flat_map(|(_, rates)| &rates.best.rooms).collect();
     let rate_of = |rates: &Rates, room: &String| {
-        let room_idx = rates.best.places.iter().position(|place| place == room);
-        room_idx.and_then(|idx| rates.best.by_place[idx].rate).map_or(Value::Missing, Value::Rate)
+        let room_idx = rates.best.rooms.iter().position(|other| other == room);
+        room_idx.and_then(|idx| rates.best.by_room[idx].rate).map_or(Value::Missing, Value::Rate)
     };
     let row = |(cell, rates): &(&Cell, &Rates)| {
         (cell.name(), rooms.iter().map(|room| rate_of(rates, room)).collect())

@@ -8,7 +8,7 @@ use roomsight_vision::simd::Nearest;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recall {
     /// What each place got, by its index: the sum of the margins, divided by the number of the frame's descriptors.
-    pub place_scores: Vec<f32>,
+    pub room_scores: Vec<f32>,
     /// The remembered frames that got anything, most votes first, ties by index.
     pub frames: Vec<FrameVotes>,
     /// The remembered descriptors behind these votes, by the frame's descriptors, nearest first.
@@ -44,7 +44,7 @@ impl Recall {
         // The sums are of whole numbers, so their order does not matter.
         let one = memory.coding.scale().powi(2);
         let average = |sum: u64| (sum as f64 / f64::from(one) / n_descriptors.max(1) as f64) as f32;
-        let mut of_places = vec![0u64; memory.n_places];
+        let mut of_rooms = vec![0u64; memory.n_rooms];
         let mut of_frames = vec![0u64; memory.origins.len()];
         let mut matches = Vec::new();
         let (mut nearest_sum, mut n_found) = (0u64, 0u64);
@@ -58,15 +58,15 @@ impl Recall {
             n_found += 1;
             for (rank, &(distance, frame_idx)) in found.iter().enumerate() {
                 let margin = u64::from(background - distance);
-                let place_idx = memory.origins[frame_idx].place_idx;
+                let room_idx = memory.origins[frame_idx].room_idx;
                 let mut nearer = found[..rank].iter().map(|&(_, frame_idx)| frame_idx);
                 if margin == 0 || nearer.clone().any(|nearer| nearer == frame_idx) {
                     continue;
                 }
                 of_frames[frame_idx] += margin;
                 matches.push(Match { descriptor_idx, frame_idx, margin: margin as f32 / one });
-                if !nearer.any(|nearer| memory.origins[nearer].place_idx == place_idx) {
-                    of_places[place_idx] += margin;
+                if !nearer.any(|nearer| memory.origins[nearer].room_idx == room_idx) {
+                    of_rooms[room_idx] += margin;
                 }
             }
         }
@@ -75,7 +75,7 @@ impl Recall {
         by_votes.sort_by_key(|&(frame_idx, votes)| (std::cmp::Reverse(votes), frame_idx));
         let frame = |(frame_idx, votes)| FrameVotes { frame_idx, votes: average(votes) };
         Self {
-            place_scores: of_places.into_iter().map(average).collect(),
+            room_scores: of_rooms.into_iter().map(average).collect(),
             frames: by_votes.into_iter().map(frame).collect(),
             matches,
             mean_nearest: (n_found > 0)
@@ -84,23 +84,23 @@ impl Recall {
     }
 
     /// The place with the largest score, ties to the first. `None` where no place got anything.
-    pub fn best_place(&self) -> Option<usize> {
-        let larger = |best: Option<usize>, (place_idx, &score): (usize, &f32)| match best {
-            Some(best) if self.place_scores[best] >= score => Some(best),
-            _ => (score > 0.0).then_some(place_idx).or(best),
+    pub fn best_room(&self) -> Option<usize> {
+        let larger = |best: Option<usize>, (room_idx, &score): (usize, &f32)| match best {
+            Some(best) if self.room_scores[best] >= score => Some(best),
+            _ => (score > 0.0).then_some(room_idx).or(best),
         };
-        self.place_scores.iter().enumerate().fold(None, larger)
+        self.room_scores.iter().enumerate().fold(None, larger)
     }
 
     /// The largest score.
     pub fn best_score(&self) -> f32 {
-        self.place_scores.iter().copied().fold(0.0, f32::max)
+        self.room_scores.iter().copied().fold(0.0, f32::max)
     }
 
     /// How far the largest score is above the second; above 0 where there is no second place.
     pub fn gap(&self) -> f32 {
         let (mut best, mut second) = (0.0f32, 0.0f32);
-        for &score in &self.place_scores {
+        for &score in &self.room_scores {
             second = second.max(score.min(best));
             best = best.max(score);
         }

@@ -15,20 +15,20 @@ fn unit(row: [f32; WIDTH]) -> [f32; WIDTH] {
     row.map(|value| value / length)
 }
 
-/// Frames of `n_places` rooms in turn. Each shows 20 of the 40 things of its room, a little changed.
-fn frames(n_frames: usize, n_places: usize, seed: u64) -> Vec<(Matrix, Origin)> {
+/// Frames of `n_rooms` rooms in turn. Each shows 20 of the 40 things of its room, a little changed.
+fn frames(n_frames: usize, n_rooms: usize, seed: u64) -> Vec<(Matrix, Origin)> {
     let mut things = ChaCha8Rng::seed_from_u64(5);
     let rooms: Vec<Vec<[f32; WIDTH]>> =
-        (0..n_places).map(|_| (0..40).map(|_| descriptor(&mut things)).collect()).collect();
+        (0..n_rooms).map(|_| (0..40).map(|_| descriptor(&mut things)).collect()).collect();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut frame = |frame_idx: usize| {
-        let place_idx = frame_idx % n_places;
+        let room_idx = frame_idx % n_rooms;
         let mut rows = Matrix::new(WIDTH);
         for _ in 0..20 {
-            let thing = rooms[place_idx][random.random_range(0..40)];
+            let thing = rooms[room_idx][random.random_range(0..40)];
             rows.push_row(&unit(thing.map(|value| value + random.random_range(-0.1..0.1))));
         }
-        (rows, Origin { place_idx, frame_idx })
+        (rows, Origin { room_idx, frame_idx })
     };
     (0..n_frames).map(&mut frame).collect()
 }
@@ -60,7 +60,7 @@ fn naive_scores(memory: &Memory, descriptors: &Matrix) -> (Vec<i64>, Vec<i64>) {
     let Rows { codes, frame_idxs, .. } = memory.lists.rows();
     let width = memory.coding.n_dimensions();
     let k = memory.config.n_neighbors;
-    let (mut of_places, mut of_frames) = (vec![0; memory.n_places], vec![0; memory.origins.len()]);
+    let (mut of_rooms, mut of_frames) = (vec![0; memory.n_rooms], vec![0; memory.origins.len()]);
     for query in memory.coding.code(descriptors).chunks_exact(width) {
         let distance = |code: &[i8]| -> i64 {
             query.iter().zip(code).map(|(&a, &b)| (i64::from(a) - i64::from(b)).pow(2)).sum()
@@ -70,16 +70,16 @@ fn naive_scores(memory: &Memory, descriptors: &Matrix) -> (Vec<i64>, Vec<i64>) {
         found.sort_by_key(|&(distance, _)| distance);
         found.truncate(k + 1);
         let Some((background, _)) = found.pop() else { continue };
-        for (place_idx, sum) in of_places.iter_mut().enumerate() {
-            let of_place = found.iter().filter(|(_, idx)| memory.origins[*idx].place_idx == place_idx);
-            *sum += of_place.map(|(distance, _)| background - distance).max().unwrap_or(0);
+        for (room_idx, sum) in of_rooms.iter_mut().enumerate() {
+            let of_room = found.iter().filter(|(_, idx)| memory.origins[*idx].room_idx == room_idx);
+            *sum += of_room.map(|(distance, _)| background - distance).max().unwrap_or(0);
         }
         for (frame_idx, sum) in of_frames.iter_mut().enumerate() {
             let of_frame = found.iter().filter(|(_, idx)| *idx == frame_idx);
             *sum += of_frame.map(|(distance, _)| background - distance).max().unwrap_or(0);
         }
     }
-    (of_places, of_frames)
+    (of_rooms, of_frames)
 }
 
 /// The scores of a recall as whole sums.
@@ -88,7 +88,7 @@ fn whole_scores(memory: &Memory, recall: &Recall, n_descriptors: usize) -> (Vec<
     let whole = |score: f32| (f64::from(score) * factor).round() as i64;
     let mut of_frames = vec![0; memory.origins.len()];
     recall.frames.iter().for_each(|frame| of_frames[frame.frame_idx] = whole(frame.votes));
-    (recall.place_scores.iter().map(|&score| whole(score)).collect(), of_frames)
+    (recall.room_scores.iter().map(|&score| whole(score)).collect(), of_frames)
 }
 
 proptest! {
@@ -142,8 +142,8 @@ fn frames_are_answered_by_their_rooms_and_the_frames_like_them() {
     let memory = memory(&frames(30, 3, 1), &config());
     for (rows, origin) in frames(30, 3, 2) {
         let recall = memory.recall(&rows);
-        assert_eq!(recall.best_place(), Some(origin.place_idx));
-        assert_eq!(memory.origins()[recall.frames[0].frame_idx].place_idx, origin.place_idx);
+        assert_eq!(recall.best_room(), Some(origin.room_idx));
+        assert_eq!(memory.origins()[recall.frames[0].frame_idx].room_idx, origin.room_idx);
         assert!(recall.gap() > 0.0 && recall.most_votes() > 0.0);
     }
     let unlike = memory.recall(&frames(5, 5, 3)[4].0);
@@ -159,7 +159,7 @@ fn few_lists_give_almost_the_answers_of_all() {
     let queries = self::frames(60, 3, 2);
     let n_same = queries
         .iter()
-        .filter(|(rows, _)| memory.recall(rows).best_place() == memory.recall_visiting(rows, 23).best_place())
+        .filter(|(rows, _)| memory.recall(rows).best_room() == memory.recall_visiting(rows, 23).best_room())
         .count();
     assert!(n_same >= 59, "{n_same} of 60");
 }
@@ -184,12 +184,12 @@ fn learning_later_and_forgetting_leave_what_would_have_been_learned_at_once() {
     let but_drive_1: Vec<usize> = (0..6).chain(12..30).collect();
     memory.retain(|origin| !(6..12).contains(&origin.frame_idx));
     assert_eq!(memory.to_parts(), memory_of(&prepared, &frames, &but_drive_1).to_parts());
-    memory.retain(|origin| origin.place_idx != 2);
-    assert!(memory.origins().iter().all(|origin| origin.place_idx < 2));
-    assert_eq!(memory.recall(&frames[2].0).place_scores[2], 0.0);
-    memory.renumber(5, |origin| Origin { place_idx: [1, 3, 4][origin.place_idx], ..*origin });
-    assert_eq!(memory.recall(&frames[0].0).best_place(), Some(1));
-    assert_eq!(memory.n_places(), 5);
+    memory.retain(|origin| origin.room_idx != 2);
+    assert!(memory.origins().iter().all(|origin| origin.room_idx < 2));
+    assert_eq!(memory.recall(&frames[2].0).room_scores[2], 0.0);
+    memory.renumber(5, |origin| Origin { room_idx: [1, 3, 4][origin.room_idx], ..*origin });
+    assert_eq!(memory.recall(&frames[0].0).best_room(), Some(1));
+    assert_eq!(memory.n_rooms(), 5);
 }
 
 #[test]
@@ -200,8 +200,7 @@ fn a_memory_that_outgrew_its_words_makes_new_ones() {
     assert_eq!(grown.n_lists(), 1);
     grown.learn(&learned(&frames[30..]), 1);
     assert_eq!((grown.n_descriptors(), grown.n_lists()), (36_000, 70));
-    let right =
-        |(rows, origin): &&(Matrix, Origin)| grown.recall(rows).best_place() == Some(origin.place_idx);
+    let right = |(rows, origin): &&(Matrix, Origin)| grown.recall(rows).best_room() == Some(origin.room_idx);
     assert_eq!(self::frames(30, 3, 2).iter().filter(right).count(), 30);
 }
 
@@ -225,7 +224,7 @@ fn every_room_keeps_a_frame() {
     let tiny = Config { max_descriptors: 25, ..config() };
     let mut memory = memory(&frames, &tiny);
     let rooms =
-        |memory: &Memory| -> Vec<usize> { memory.origins().iter().map(|origin| origin.place_idx).collect() };
+        |memory: &Memory| -> Vec<usize> { memory.origins().iter().map(|origin| origin.room_idx).collect() };
     assert_eq!((rooms(&memory), memory.n_descriptors()), (vec![0, 1, 2], 60));
     memory.learn(&learned(&frames[..3]), 1);
     assert_eq!((rooms(&memory), memory.n_descriptors()), (vec![0, 1, 2], 60));
@@ -237,21 +236,21 @@ fn memories_of_little_answer() {
     let prepared = prepare(&frames, &config());
     let none = memory_of(&prepared, &frames, &[]);
     let recall = none.recall(&frames[0].0);
-    assert_eq!((recall.best_place(), recall.best_score(), recall.gap()), (None, 0.0, 0.0));
-    assert_eq!((recall.place_scores.len(), recall.mean_nearest), (3, None));
+    assert_eq!((recall.best_room(), recall.best_score(), recall.gap()), (None, 0.0, 0.0));
+    assert_eq!((recall.room_scores.len(), recall.mean_nearest), (3, None));
 
     // One frame is all there is to be like.
     let one = memory_of(&prepared, &frames, &[1]);
     let recall = one.recall(&frames[0].0);
-    assert_eq!(recall.best_place(), Some(1));
+    assert_eq!(recall.best_room(), Some(1));
     assert_eq!(recall.frames.len(), 1);
     assert_eq!(recall.gap(), recall.best_score());
 
     // A frame that shows nothing says nothing, and harms nothing where it is remembered.
     let recall = one.recall(&Matrix::new(WIDTH));
-    assert_eq!((recall.best_place(), recall.mean_nearest, recall.matches.len()), (None, None, 0));
+    assert_eq!((recall.best_room(), recall.mean_nearest, recall.matches.len()), (None, None, 0));
     let mut with_empty = one.clone();
-    let empty = (&Matrix::new(0), Origin { place_idx: 0, frame_idx: 9 });
+    let empty = (&Matrix::new(0), Origin { room_idx: 0, frame_idx: 9 });
     with_empty.learn(&[empty], 1);
     assert_eq!(with_empty.recall(&frames[0].0), one.recall(&frames[0].0));
     with_empty.retain(|origin| origin.frame_idx == 9);
@@ -259,10 +258,10 @@ fn memories_of_little_answer() {
 
     // The same frame in two rooms: neither is nearer.
     let mut twice = one.clone();
-    twice.learn(&[(&frames[1].0, Origin { place_idx: 2, frame_idx: 10 })], 1);
+    twice.learn(&[(&frames[1].0, Origin { room_idx: 2, frame_idx: 10 })], 1);
     let recall = twice.recall(&frames[1].0);
     assert!(recall.best_score() > 0.0 && recall.gap() == 0.0);
-    assert_eq!((recall.best_place(), recall.frames[0].frame_idx), (Some(1), 0));
+    assert_eq!((recall.best_room(), recall.frames[0].frame_idx), (Some(1), 0));
 
     // A single descriptor is its own background.
     let mut single = Matrix::new(WIDTH);
@@ -270,7 +269,7 @@ fn memories_of_little_answer() {
     let mut memory = none.clone();
     memory.learn(&[(&single, frames[0].1)], 1);
     let recall = memory.recall(&single);
-    assert_eq!((recall.best_place(), recall.mean_nearest), (None, Some(0.0)));
+    assert_eq!((recall.best_room(), recall.mean_nearest), (None, Some(0.0)));
 }
 
 #[test]
@@ -296,7 +295,7 @@ fn parts_of_unknown_origin_are_checked() {
         (|parts| parts.list_lengths[0] = usize::MAX, "not as many as its lists say"),
         (|parts| parts.codes.truncate(9), "not as many as its lists say"),
         (|parts| parts.frame_idxs[3] = 9, "frame that there is not"),
-        (|parts| parts.origins[3].place_idx = 3, "place that there is not"),
+        (|parts| parts.origins[3].room_idx = 3, "place that there is not"),
     ];
     for (damage, what) in damages {
         let mut parts = memory.to_parts();
@@ -308,7 +307,7 @@ fn parts_of_unknown_origin_are_checked() {
     let mut parts = memory.to_parts();
     parts.codes.fill(-128);
     let odd = Memory::from_parts(parts, &config(), 3).unwrap();
-    assert_eq!(odd.recall(&frames(1, 3, 2)[0].0).place_scores.len(), 3);
+    assert_eq!(odd.recall(&frames(1, 3, 2)[0].0).room_scores.len(), 3);
     let wrong = Config { n_neighbors: 0, ..config() };
     assert!(Memory::from_parts(memory.to_parts(), &wrong, 3).is_err());
 }

@@ -7,9 +7,9 @@ use super::lists::Lists;
 const ALL: usize = 1 << 16;
 
 /// Whether each frame is kept so that at most `max_descriptors` are left, by the rule that `Memory::learn` tells.
-pub(super) fn kept(lists: &Lists, origins: &[Origin], n_places: usize, max_descriptors: usize) -> Vec<bool> {
+pub(super) fn kept(lists: &Lists, origins: &[Origin], n_rooms: usize, max_descriptors: usize) -> Vec<bool> {
     let words = words_of_frames(lists, origins.len());
-    let mut rooms: Vec<Room> = (0..n_places).map(|place_idx| Room::new(place_idx, origins, &words)).collect();
+    let mut rooms: Vec<Room> = (0..n_rooms).map(|room_idx| Room::new(room_idx, origins, &words)).collect();
     let mut n_descriptors = lists.n_rows();
     let mut kept = vec![true; origins.len()];
     while n_descriptors > max_descriptors {
@@ -53,8 +53,8 @@ struct Likeness {
 }
 
 impl Room {
-    fn new(place_idx: usize, origins: &[Origin], words: &[Vec<u32>]) -> Self {
-        let is_here = |&frame_idx: &usize| origins[frame_idx].place_idx == place_idx;
+    fn new(room_idx: usize, origins: &[Origin], words: &[Vec<u32>]) -> Self {
+        let is_here = |&frame_idx: &usize| origins[frame_idx].room_idx == room_idx;
         let frame_idxs: Vec<usize> = (0..origins.len()).filter(is_here).collect();
         let n_descriptors = frame_idxs.iter().map(|&frame_idx| words[frame_idx].len()).sum();
         Self { n_descriptors, frame_idxs, likenesses: Vec::new() }

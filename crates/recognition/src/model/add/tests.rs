@@ -39,8 +39,7 @@ fn add(model: &Model, samples: &[Sample], forget: f64) -> Result<Training, AddEr
 }
 
 fn n_right(model: &Model, samples: &[Sample]) -> usize {
-    let is_right =
-        |sample: &&Sample| model.places()[model.classify(&sample.features).place_idx] == sample.place;
+    let is_right = |sample: &&Sample| model.rooms()[model.classify(&sample.features).room_idx] == sample.room;
     samples.iter().filter(is_right).count()
 }
 
@@ -92,15 +91,15 @@ fn forgetting_bounds_what_is_kept_and_still_answers() {
 fn a_new_room_joins_the_others_in_order() {
     let config = kernel_svm();
     let (dots, rest): (Vec<Sample>, Vec<Sample>) =
-        drives(&config, &["a", "b"]).into_iter().partition(|sample| sample.place == "dots");
+        drives(&config, &["a", "b"]).into_iter().partition(|sample| sample.room == "dots");
     let first = train(&rest, &config);
     let mut with_dots = [&dots[..], &rest[..4]].concat();
     with_dots.iter_mut().for_each(|sample| sample.sequence = "c".to_owned());
     let Training { model, held_out, .. } = add(&first, &with_dots, 0.05).unwrap();
-    assert_eq!(model.places(), ["bars", "dots", "stripes"]);
+    assert_eq!(model.rooms(), ["bars", "dots", "stripes"]);
     assert_eq!(held_out.len(), 4, "frames of a room unknown before cannot be held out");
     let is_right =
-        |answer: &HeldOut| model.places()[answer.recognition.place_idx] == with_dots[answer.sample_idx].place;
+        |answer: &HeldOut| model.rooms()[answer.recognition.room_idx] == with_dots[answer.sample_idx].room;
     assert!(held_out.iter().all(is_right));
     assert!(n_right(&model, &samples(&config, 60, 99)) > 50);
     let bytes = model.to_bytes().unwrap();
@@ -144,8 +143,8 @@ fn a_memory_learns_forgets_and_comes_back_from_its_file() {
     let back = Model::from_bytes(&grown.to_bytes().unwrap()).unwrap();
     assert_eq!(back.to_bytes().unwrap(), grown.to_bytes().unwrap());
     assert_eq!(n_right(&back, &unseen), n_right(&grown, &unseen));
-    let place_idx = index_of(back.places(), &unseen[0].place);
-    let evidence = back.explain(&unseen[0].features, place_idx);
+    let room_idx = index_of(back.rooms(), &unseen[0].room);
+    let evidence = back.explain(&unseen[0].features, room_idx);
     let is_named = |frame: &Option<String>| frame.as_deref().is_some_and(|name| name.ends_with(".jpg"));
     assert!(!evidence.is_empty() && evidence.iter().all(|evidence| is_named(&evidence.frame)));
 
@@ -153,7 +152,7 @@ fn a_memory_learns_forgets_and_comes_back_from_its_file() {
     assert!(left.classification.n_kept() < back.classification.n_kept());
     assert!(n_right(&left, &unseen) > 50);
     let without_dots = left.without(Forgotten::Place("dots")).unwrap();
-    assert_eq!(without_dots.places(), ["bars", "stripes"]);
+    assert_eq!(without_dots.rooms(), ["bars", "stripes"]);
     let bytes = without_dots.to_bytes().unwrap();
     assert_eq!(Model::from_bytes(&bytes).unwrap().to_bytes().unwrap(), bytes);
 }
@@ -172,8 +171,8 @@ fn a_drive_or_a_room_is_forgotten() {
     assert_eq!(n_right(&again, &unseen), n_right(&model, &unseen));
 
     let without_dots = model.without(Forgotten::Place("dots")).unwrap();
-    assert_eq!(without_dots.places(), ["bars", "stripes"]);
-    let others: Vec<Sample> = unseen.iter().filter(|sample| sample.place != "dots").cloned().collect();
+    assert_eq!(without_dots.rooms(), ["bars", "stripes"]);
+    let others: Vec<Sample> = unseen.iter().filter(|sample| sample.room != "dots").cloned().collect();
     assert!(n_right(&without_dots, &others) > 35);
     let back = Model::from_bytes(&without_dots.to_bytes().unwrap()).unwrap();
     assert_eq!(back.to_bytes().unwrap(), without_dots.to_bytes().unwrap());
@@ -204,8 +203,8 @@ fn what_cannot_go_on_is_refused_by_name() {
     let forgetful = add(&model, &more, 0.999).unwrap().model;
     assert_eq!(n_kept(&forgetful), 1);
     let only_bars: Vec<Sample> =
-        drives(&config, &["c"]).into_iter().filter(|sample| sample.place == "bars").collect();
-    assert!(matches!(add(&forgetful, &only_bars, 0.0), Err(AddError::ForgottenPlace { .. })));
+        drives(&config, &["c"]).into_iter().filter(|sample| sample.room == "bars").collect();
+    assert!(matches!(add(&forgetful, &only_bars, 0.0), Err(AddError::ForgottenRoom { .. })));
 }
 
 #[test]

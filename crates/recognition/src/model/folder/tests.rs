@@ -27,10 +27,10 @@ fn networks(onnx: &[u8]) -> Networks {
 }
 
 fn saved() -> (TempDir, PathBuf) {
-    let place = TempDir::new().unwrap();
-    let folder = place.path().join("1");
+    let room = TempDir::new().unwrap();
+    let folder = room.path().join("1");
     MODEL.save(&folder, &[]).unwrap();
-    (place, folder)
+    (room, folder)
 }
 
 fn refusal(folder: &Path) -> String {

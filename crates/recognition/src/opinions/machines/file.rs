@@ -62,14 +62,14 @@ impl Kind {
         shape: Shape,
         file: &Arrays,
     ) -> Result<(Self, KeptRows), FormatError> {
-        let Shape { n_places, n_dimensions, .. } = shape;
+        let Shape { n_rooms, n_dimensions, .. } = shape;
         let Representation::Bag(bag) = &config.representation else {
             let Classifier::MatchSvm(config) = &config.classifier else { return Err(damaged(&mismatch())) };
             let descriptors = file.matrix("match.descriptors")?;
             require(descriptors.n_cols() == n_dimensions, "its descriptors are of another length")?;
             require(are_units(&descriptors), "a descriptor is longer than 1")?;
             let frames = split_rows(&descriptors, &file.counts("match.n_descriptors")?)?;
-            let machines = read_dual(config.machines.scheme, n_places, file)?;
+            let machines = read_dual(config.machines.scheme, n_rooms, file)?;
             let svm =
                 MatchSvm::from_parts(config.inner, frames, machines).map_err(|error| damaged(&error))?;
             return Ok((Self::Match(svm), KeptRows::default()));
@@ -90,17 +90,17 @@ impl Kind {
                 let support_vectors = file.matrix("kernel.support_vectors")?;
                 require(support_vectors.n_cols() == n_columns, "its machines fit no vocabulary")?;
                 let kernel = with_parameters(config.kernel, &file.doubles("kernel.parameters")?)?;
-                let machines = read_dual(config.machines.scheme, n_places, file)?;
+                let machines = read_dual(config.machines.scheme, n_rooms, file)?;
                 let labels = file.counts_if_any("kernel.labels")?;
                 let fit = labels.is_empty() || labels.len() == support_vectors.n_rows();
                 require(fit, "its support vectors and their rooms are not as many")?;
-                require(labels.iter().all(|&label| label < n_places), "a support vector is of no room")?;
+                require(labels.iter().all(|&label| label < n_rooms), "a support vector is of no room")?;
                 let svm = KernelSvm::from_parts(kernel, support_vectors, machines);
                 svm.map(|svm| Self::Kernel(vocabulary, svm, labels)).map_err(|error| damaged(&error))?
             }
             Classifier::Boost(_) => {
                 let ensembles = read_ensembles(file)?;
-                require(ensembles.len() == n_places, "it has another number of ensembles than of rooms")?;
+                require(ensembles.len() == n_rooms, "it has another number of ensembles than of rooms")?;
                 let boost = Boost::from_parts(n_columns, ensembles);
                 boost.map(|boost| Self::Boost(vocabulary, boost)).map_err(|error| damaged(&error))?
             }
@@ -140,7 +140,7 @@ impl LinearArrays {
         require(weights.n_cols() == self.n_features, "its machines do not fit what they see")?;
         let rho = file.vector("svm.rho")?;
         let n_support_vectors = file.counts("svm.n_support_vectors")?;
-        LinearSvm::from_parts(self.scheme, shape.n_places, weights, rho, n_support_vectors)
+        LinearSvm::from_parts(self.scheme, shape.n_rooms, weights, rho, n_support_vectors)
             .map_err(|error| damaged(&error))
     }
 }
@@ -150,10 +150,10 @@ fn push_dual(arrays: &mut Vec<Array>, machines: &DualSvm) {
     arrays.push(Array::vector("dual.rho", machines.rho()));
 }
 
-fn read_dual(scheme: Scheme, n_places: usize, file: &Arrays) -> Result<DualSvm, FormatError> {
+fn read_dual(scheme: Scheme, n_rooms: usize, file: &Arrays) -> Result<DualSvm, FormatError> {
     let coefficients = file.matrix("dual.coefficients")?;
     let rho = file.vector("dual.rho")?;
-    DualSvm::from_parts(scheme, n_places, coefficients, rho).map_err(|error| damaged(&error))
+    DualSvm::from_parts(scheme, n_rooms, coefficients, rho).map_err(|error| damaged(&error))
 }
 
 /// Gamma and coef0, as far as the kernel has them.

@@ -181,8 +181,8 @@ proptest! {
     ) {
         let mut bytes = GOLDENS[golden_idx].0.as_bytes().to_vec();
         for (index, byte) in damage {
-            let place = index.index(bytes.len());
-            bytes[place] = byte;
+            let room = index.index(bytes.len());
+            bytes[room] = byte;
         }
         if let Ok(model) = LibsvmModel::parse(std::str::from_utf8(&bytes).unwrap(), None) {
             let values = model.svm.decision_values(&vec![0.5; model.svm.n_features()]);

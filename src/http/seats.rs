@@ -16,7 +16,7 @@ use tokio_util::sync::CancellationToken;
 const GRACE: Duration = Duration::from_secs(1);
 
 /// All places.
-pub struct Places {
+pub struct Seats {
     permits: Arc<Semaphore>,
     taken: Mutex<Taken>,
 }
@@ -28,8 +28,8 @@ struct Taken {
 }
 
 /// A connection's place, given back when dropped.
-pub struct Place {
-    places: Arc<Places>,
+pub struct Seat {
+    seats: Arc<Seats>,
     id: u64,
     line: Arc<Line>,
     _permit: OwnedSemaphorePermit,
@@ -53,34 +53,34 @@ pub struct Guard {
     change: isize,
 }
 
-impl Places {
+impl Seats {
     /// This many.
-    pub fn new(n_places: usize) -> Self {
-        Self { permits: Arc::new(Semaphore::new(n_places)), taken: Mutex::default() }
+    pub fn new(n_rooms: usize) -> Self {
+        Self { permits: Arc::new(Semaphore::new(n_rooms)), taken: Mutex::default() }
     }
 
     /// A place for a connection from an address, once one is free. Dropped early it takes none.
-    pub async fn take(self: &Arc<Self>, address: CallerId) -> Place {
+    pub async fn take(self: &Arc<Self>, address: CallerId) -> Seat {
         loop {
             if let Ok(permit) = self.permits.clone().try_acquire_owned() {
-                return self.placed(address, permit);
+                return self.seated(address, permit);
             }
             self.taken().ask();
             // Where nobody rests now somebody may soon.
             if let Ok(Ok(permit)) = timeout(2 * GRACE, self.permits.clone().acquire_owned()).await {
-                return self.placed(address, permit);
+                return self.seated(address, permit);
             }
         }
     }
 
-    fn placed(self: &Arc<Self>, address: CallerId, permit: OwnedSemaphorePermit) -> Place {
+    fn seated(self: &Arc<Self>, address: CallerId, permit: OwnedSemaphorePermit) -> Seat {
         let state = State { n_at_work: 0, rests_since: Instant::now() };
         let line = Arc::new(Line { address, state: Mutex::new(state), give_way: CancellationToken::new() });
         let mut taken = self.taken();
         let id = taken.n_begun;
         taken.n_begun += 1;
         taken.lines.insert(id, line.clone());
-        Place { places: self.clone(), id, line, _permit: permit }
+        Seat { seats: self.clone(), id, line, _permit: permit }
     }
 
     fn taken(&self) -> MutexGuard<'_, Taken> {
@@ -106,16 +106,16 @@ impl Taken {
     }
 }
 
-impl Place {
+impl Seat {
     /// What is known of its connection.
     pub fn line(&self) -> &Arc<Line> {
         &self.line
     }
 }
 
-impl Drop for Place {
+impl Drop for Seat {
     fn drop(&mut self) {
-        self.places.taken().lines.remove(&self.id);
+        self.seats.taken().lines.remove(&self.id);
     }
 }
 
@@ -182,43 +182,43 @@ mod tests {
         CallerId::at([10, 0, 0, last].into())
     }
 
-    fn must_go(place: &Place) -> bool {
-        place.line.give_way.is_cancelled()
+    fn must_go(seat: &Seat) -> bool {
+        seat.line.give_way.is_cancelled()
     }
 
     /// A place that is given back when its connection is asked for it.
-    fn yielding(place: Place) -> tokio::task::JoinHandle<()> {
-        tokio::spawn(async move { place.line().gives_way().await })
+    fn yielding(seat: Seat) -> tokio::task::JoinHandle<()> {
+        tokio::spawn(async move { seat.line().gives_way().await })
     }
 
     #[tokio::test]
     async fn the_longest_resting_of_whoever_has_most_gives_way() {
-        let places = Arc::new(Places::new(3));
-        let other = places.take(address(2)).await;
-        let (oldest, newest) = (places.take(address(1)).await, places.take(address(1)).await);
+        let seats = Arc::new(Seats::new(3));
+        let other = seats.take(address(2)).await;
+        let (oldest, newest) = (seats.take(address(1)).await, seats.take(address(1)).await);
         let gone = yielding(oldest);
-        let third = places.take(address(3)).await;
+        let third = seats.take(address(3)).await;
         gone.await.unwrap();
         assert!(!must_go(&other) && !must_go(&newest) && !must_go(&third));
         let gone = yielding(other);
-        let _fourth = places.take(address(3)).await;
+        let _fourth = seats.take(address(3)).await;
         gone.await.unwrap();
         assert!(!must_go(&newest), "all have one: the oldest gave way");
     }
 
     #[tokio::test]
     async fn a_connection_that_is_served_does_not_give_way_but_one_that_is_waited_for_does() {
-        let places = Arc::new(Places::new(1));
-        let place = places.take(address(1)).await;
-        let works = place.line().works();
-        places.taken().ask();
-        assert!(!must_go(&place));
-        let waits = place.line().waits();
-        places.taken().ask();
-        assert!(must_go(&place));
+        let seats = Arc::new(Seats::new(1));
+        let seat = seats.take(address(1)).await;
+        let works = seat.line().works();
+        seats.taken().ask();
+        assert!(!must_go(&seat));
+        let waits = seat.line().waits();
+        seats.taken().ask();
+        assert!(must_go(&seat));
         drop((waits, works));
-        assert!(place.line().rests_since().is_some());
-        drop(place);
-        assert_eq!((places.permits.available_permits(), places.taken().lines.len()), (1, 0));
+        assert!(seat.line().rests_since().is_some());
+        drop(seat);
+        assert_eq!((seats.permits.available_permits(), seats.taken().lines.len()), (1, 0));
     }
 }
