@@ -141,6 +141,16 @@ pub enum SettingsError {
     /// A file or value that cannot be read.
     #[error("the settings cannot be read: {0}")]
     Unreadable(#[from] config::ConfigError),
+    /// A name or a value in the file that is none.
+    #[error("{}, line {line}: {reason}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Counted from 1.
+        line: usize,
+        /// What is wrong.
+        reason: String,
+    },
     /// A value that TOML cannot say.
     #[error("the settings cannot be written as TOML: {0}")]
     Unwritable(#[from] toml::ser::Error),
@@ -226,8 +236,10 @@ impl Settings {
             .filter_map(|(name, value)| Some((name.strip_prefix(ENVIRONMENT_PREFIX)?.to_lowercase(), value)))
             .filter(|(name, _)| known.contains_key(name))
             .collect();
-        let settings: Self =
-            layers.add_source(texts(environment)).add_source(texts(flags)).build()?.try_deserialize()?;
+        let layered = layers.add_source(texts(environment)).add_source(texts(flags)).build();
+        let settings: Self = layered
+            .and_then(Config::try_deserialize)
+            .map_err(|error| file.and_then(mistake_in).unwrap_or(SettingsError::Unreadable(error)))?;
         settings.check()?;
         Ok(settings)
     }
@@ -438,6 +450,14 @@ impl Settings {
         }
         Ok(())
     }
+}
+
+/// What is wrong in a file by itself, and where; the layers together do not know lines.
+fn mistake_in(path: &Path) -> Option<SettingsError> {
+    let text = std::fs::read_to_string(path).ok()?;
+    let error = toml::from_str::<Settings>(&text).err()?;
+    let line = 1 + text[..error.span()?.start].matches('\n').count();
+    Some(SettingsError::File { path: path.to_owned(), line, reason: error.message().to_owned() })
 }
 
 /// A layer of settings that come as texts.

@@ -1,7 +1,7 @@
 //! What the fuzz targets do with their bytes: everything that somebody else sends is read here, by the same
 //! functions as in the program.
 //!
-//! Each target holds what its reader promises and panics where that is broken. `tests/fuzzing.rs` runs the same
+//! Each target holds what its reader promises and panics where that is broken. `tests/it/fuzzing.rs` runs the same
 //! functions over seeds and over inputs that once broke something.
 
 mod service;

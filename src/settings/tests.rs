@@ -27,6 +27,23 @@ fn an_unknown_key_in_the_file_is_named() {
 }
 
 #[test]
+fn a_mistake_in_the_file_is_told_with_its_line() {
+    for (text, line) in
+        [("queue = 3\n\nquue = 10\n", 3), ("queue = 3\nthreads = \"a\"\n", 2), ("queue = [\n", 1)]
+    {
+        let file = file(text);
+        let error = Settings::load(Some(file.path()), map(&[]), map(&[])).unwrap_err().to_string();
+        assert!(error.contains(&format!("{}, line {line}: ", file.path().display())), "{text:?}: {error}");
+    }
+    let file = file("queue = \"300\"\n");
+    assert_eq!(
+        Settings::load(Some(file.path()), map(&[]), map(&[])).unwrap().queue,
+        3,
+        "what layers take stays"
+    );
+}
+
+#[test]
 fn a_missing_file_is_named() {
     let error = Settings::load(Some(Path::new("/no/such.toml")), map(&[]), map(&[])).unwrap_err();
     assert!(error.to_string().contains("/no/such.toml"), "{error}");

@@ -1,6 +1,6 @@
 //! The documents in `openapi/` are those of the code: OpenAPI for the calls, AsyncAPI for the stream.
 //!
-//! `UPDATE=1 cargo test --test openapi` writes them anew.
+//! `UPDATE=1 cargo test --test it openapi` writes them anew.
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
@@ -43,7 +43,7 @@ fn the_files_are_up_to_date() {
             fs::write(&path, &text).unwrap();
         }
         let file = fs::read_to_string(&path).unwrap_or_default();
-        assert!(file == text, "openapi/{name} is stale: UPDATE=1 cargo test --test openapi");
+        assert!(file == text, "openapi/{name} is stale: UPDATE=1 cargo test --test it openapi");
     }
 }
 

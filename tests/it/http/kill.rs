@@ -11,7 +11,7 @@ use std::time::Duration;
 use tempfile::TempDir;
 use tokio::time::timeout;
 
-/// How often the service is killed. `ROOMSIGHT_KILLS=200 cargo test --test http kill::` kills it more often.
+/// How often the service is killed. `ROOMSIGHT_KILLS=200 cargo test --test it http::kill` kills it more often.
 fn n_kills() -> u64 {
     std::env::var("ROOMSIGHT_KILLS").map_or(12, |n| n.parse().unwrap())
 }

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Trains small problems with LIBSVM and writes its model files, the rows, and the decision values.
 
-    python3 tests/golden/libsvm_models.py
+    python3 crates/recognition/tests/golden/libsvm_models.py
 
 Needs libsvm-official and numpy. Writes beside this file libsvm_KERNEL.model, as LIBSVM saves it, and
 libsvm_KERNEL.json, the rows and what LIBSVM says of them.

@@ -2,7 +2,7 @@
 """Makes the golden FAST-9 corners: pieces of frames of the simulated lab, and what OpenCV finds in them.
 
     roomsight simulate LAB --illumination cloudy1,night1 --frames-per-second 0.02
-    python3 tests/golden/fast.py LAB
+    python3 crates/vision/tests/golden/fast.py LAB
 
 Needs opencv-python-headless. Writes beside this file NAME.png, 8-bit luma, and NAME.txt, a line
 `threshold x y response` for each corner.

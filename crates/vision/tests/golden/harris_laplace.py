@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the golden Harris-Laplace keypoints: what OpenCV finds in the golden frames that fast.py cut out.
 
-    python3 tests/golden/harris_laplace.py
+    python3 crates/vision/tests/golden/harris_laplace.py
 
 Needs opencv-contrib-python-headless. Writes beside this file NAME_harris_laplace.txt, a line `x y response scale` for
 each of the stronger half of the keypoints.

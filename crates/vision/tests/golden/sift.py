@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the golden SIFT keypoints: what OpenCV finds in the golden frames that fast.py cut out.
 
-    python3 tests/golden/sift.py
+    python3 crates/vision/tests/golden/sift.py
 
 Needs opencv-python-headless. Writes beside this file NAME_sift.txt, a line
 `x y response scale angle descriptor` for each of the stronger half of the keypoints: angles in degrees,

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the golden LBP and CS-LBP histograms: what scikit-image computes on the golden frames.
 
-    python3 tests/golden/skimage_lbp.py
+    python3 crates/vision/tests/golden/skimage_lbp.py
 
 Needs scikit-image. Writes skimage_lbp.json beside this file: histograms of square regions round places of
 the frames, cell by cell, as counts of pixels. LBP codes are those of local_binary_pattern ("default" and

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the golden keypoints of XFeat: what the authors' steps, in numpy, make of the network's maps.
 
-    python3 tests/golden/xfeat.py xfeat_640x352.onnx
+    python3 crates/vision/tests/golden/xfeat.py xfeat_640x352.onnx
 
 Needs numpy, onnxruntime and OpenCV. Writes xfeat.json beside this file: a window of the maps that the network makes of
 the frame perspective_cloudy, in whole numbers (times 512), and what is found in that window.
