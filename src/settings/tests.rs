@@ -38,7 +38,7 @@ fn a_mistake_in_the_file_is_told_with_its_line() {
     let file = file("queue = \"300\"\n");
     assert_eq!(
         Settings::load(Some(file.path()), map(&[]), map(&[])).unwrap().queue,
-        3,
+        300,
         "what layers take stays"
     );
 }
