@@ -31,9 +31,12 @@ STAMP := $(VENV)/.installed
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
 
+# A program that is built already takes the place of a release build: ROOMSIGHT=target/debug/roomsight.
+ROOMSIGHT ?=
+
 demo: tools ## simulate a lab, train, evaluate, serve; ARGS=--exit to end by itself
-	cargo build --release
-	@cargo run --release --quiet -- demo $(ARGS)
+	$(if $(ROOMSIGHT),,cargo build --release)
+	@$(or $(ROOMSIGHT),target/release/roomsight) demo $(ARGS)
 
 networks: networks/.made ## fetch the networks and ONNX Runtime, which runs them, into networks/
 

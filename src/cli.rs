@@ -82,6 +82,7 @@ enum Command {
 pub fn main() -> ExitCode {
     let Cli { onnx_runtime, manners, command } = parsed();
     manners.adopt();
+    roomsight_client::install_provider();
     match onnx_runtime {
         Some(library) => Runtime::name_library(library),
         None => look_beside_the_program(),

@@ -93,6 +93,7 @@ impl Bucket {
         location: &str,
         (cache, patience): (&Path, Duration),
     ) -> Result<Self, RepositoryError> {
+        roomsight_client::install_provider();
         let remote = Remote::new(builder, location, patience)?;
         let digest = blake3::hash(location.trim_end_matches('/').as_bytes()).to_hex();
         let folder = cache.join(&digest[..CACHE_NAME_DIGITS]);

@@ -23,7 +23,10 @@ mod models;
 mod stream;
 mod tls;
 
+
+
 pub use stream::{ResumePoint, Stream, StreamReceiver, StreamSender};
+pub use tls::install_provider;
 
 use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
 use reqwest::{ClientBuilder, Response, StatusCode, Url};
@@ -174,6 +177,7 @@ pub fn http(patience: Duration) -> ClientBuilder {
 }
 
 fn plain(patience: Duration) -> ClientBuilder {
+    install_provider();
     reqwest::Client::builder().timeout(patience).no_proxy()
 }
 

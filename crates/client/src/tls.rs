@@ -2,7 +2,7 @@
 
 use super::ClientError;
 use reqwest::Url;
-use rustls::crypto::aws_lc_rs;
+use rustls::crypto::ring;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, ServerName};
 use rustls::{ClientConfig, RootCertStore};
@@ -14,13 +14,19 @@ use tokio_rustls::TlsConnector;
 use tokio_rustls::client::TlsStream;
 use tokio_util::either::Either;
 
+/// Lets clients of HTTP in this process encrypt by `ring`, where nothing else was chosen before.
+pub fn install_provider() {
+    // That something was chosen is no error.
+    let _ = ring::default_provider().install_default();
+}
+
 /// A connection, with TLS or without.
 pub(super) type Connection = Either<TcpStream, TlsStream<TcpStream>>;
 
 /// Believes the authorities of a PEM, or those that the system believes.
 pub(super) fn believing(authorities: Option<&[u8]>) -> Result<ClientConfig, ClientError> {
     let wrong = |error: &dyn ToString| ClientError::Authorities(error.to_string());
-    let builder = ClientConfig::builder_with_provider(Arc::new(aws_lc_rs::default_provider()))
+    let builder = ClientConfig::builder_with_provider(Arc::new(ring::default_provider()))
         .with_safe_default_protocol_versions()
         .map_err(|error| wrong(&error))?;
     let builder = match authorities {

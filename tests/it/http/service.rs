@@ -176,6 +176,7 @@ pub fn write_damaged_model(folder: &Path) {
 }
 
 pub fn client() -> reqwest::Client {
+    roomsight_client::install_provider();
     reqwest::Client::builder().no_proxy().build().expect("a client")
 }
 
