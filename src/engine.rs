@@ -70,16 +70,12 @@ pub struct EngineState {
 /// Why the engine cannot start.
 #[derive(Debug, thiserror::Error)]
 pub enum EngineError {
-    /// Nothing to serve.
     #[error(transparent)]
     Registry(#[from] RegistryError),
-    /// No threads.
     #[error("the recognizing threads cannot be started: {0}")]
     Threads(#[from] io::Error),
-    /// No random numbers.
     #[error("the system gives no random numbers: {0}")]
     Random(#[from] getrandom::Error),
-    /// No metrics.
     #[error("the metrics cannot be set up: {0}")]
     Metrics(#[from] metrics_exporter_prometheus::BuildError),
 }

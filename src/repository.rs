@@ -78,12 +78,7 @@ pub struct Listing {
 pub enum RepositoryError {
     /// Nothing can be seen.
     #[error("the models at {location} cannot be read: {source}")]
-    Unreadable {
-        /// The folder.
-        location: PathBuf,
-        /// Why not.
-        source: io::Error,
-    },
+    Unreadable { location: PathBuf, source: io::Error },
     /// What was asked for is called as nothing can be.
     #[error(transparent)]
     Id(#[from] VersionIdError),
@@ -100,20 +95,10 @@ pub enum RepositoryError {
     ReadOnly(PathBuf),
     /// A record that says nothing sensible.
     #[error("the record of what serves, {path}, cannot be read: {reason}; correct or remove it")]
-    Record {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
+    Record { path: PathBuf, reason: String },
     /// Somebody else has said what is to serve since it was read.
     #[error("what serves of {name} was changed meanwhile, its epoch is {epoch}: look again, then decide")]
-    Overtaken {
-        /// The model.
-        name: String,
-        /// Its epoch.
-        epoch: u64,
-    },
+    Overtaken { name: String, epoch: u64 },
     /// Somebody else has said which model is the default.
     #[error("{0} was made the default model meanwhile: look again, then decide")]
     DefaultOvertaken(String),
@@ -127,27 +112,16 @@ pub enum RepositoryError {
     #[error(
         "the bucket {location}: {reason}; AWS_ENDPOINT_URL, AWS_REGION and AWS_ACCESS_KEY_ID tell where it is and who asks"
     )]
-    Bucket {
-        /// The bucket.
-        location: String,
-        /// Why not.
-        reason: String,
-    },
+    Bucket { location: String, reason: String },
     /// What was downloaded is not what was uploaded.
     #[error("{id} is damaged in the bucket: {reason}; delete it and push it again")]
-    Damaged {
-        /// The version.
-        id: VersionId,
-        /// What is wrong.
-        reason: String,
-    },
+    Damaged { id: VersionId, reason: String },
     /// A network that a version uses is not there.
     #[error(
         "{id} uses the network {network}, which is not in the bucket: put its file there as {path}, or delete {id} and \
          push it again from its whole folder"
     )]
     NoNetwork {
-        /// The version.
         id: VersionId,
         /// What the model calls the network.
         network: String,
@@ -159,7 +133,6 @@ pub enum RepositoryError {
     Io {
         /// What was read or written.
         path: PathBuf,
-        /// Why not.
         source: io::Error,
     },
 }

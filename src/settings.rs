@@ -144,11 +144,9 @@ pub enum SettingsError {
     /// A name or a value in the file that is none.
     #[error("{}, line {line}: {reason}", path.display())]
     File {
-        /// The file.
         path: PathBuf,
         /// Counted from 1.
         line: usize,
-        /// What is wrong.
         reason: String,
     },
     /// A value that TOML cannot say.
@@ -157,7 +155,6 @@ pub enum SettingsError {
     /// A value that cannot work.
     #[error("the setting `{name}` is wrong: {reason}")]
     Wrong {
-        /// The setting.
         name: &'static str,
         /// What is wrong and what would be right.
         reason: String,

@@ -9,7 +9,6 @@ pub const EMPTY_FRAME: &str =
 
 /// The bytes of one frame, and their share of the memory for bodies.
 pub struct Frame {
-    /// The encoded image.
     pub bytes: Bytes,
     /// Gives the memory back when it is dropped.
     held: Arc<dyn Send + Sync>,

@@ -68,7 +68,6 @@ struct ModelFrames {
     answers: Kept<String, Arc<Kept<&'static str, Counter>>>,
     /// By version, transport and outcome.
     told: Kept<(u64, Transport, &'static str), Counter>,
-    /// By version.
     totals: Kept<u64, Arc<Totals>>,
 }
 

@@ -25,7 +25,6 @@ pub struct Pool {
 /// How large a pool is.
 #[derive(Clone, Copy, Debug)]
 pub struct Size {
-    /// Its threads.
     pub n_threads: usize,
     /// Jobs that may wait for them.
     pub n_waiting: usize,
@@ -36,9 +35,7 @@ pub struct Size {
 /// How much a pool has to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Load {
-    /// Its threads.
     pub n_threads: usize,
-    /// Jobs that run.
     pub n_running: usize,
     /// Jobs that wait for a thread, those for shadows left out.
     pub n_waiting: usize,
@@ -76,7 +73,6 @@ pub enum Whose {
     /// The caller's own.
     #[error("this caller's share of the queue is used up")]
     Caller,
-    /// All of them.
     #[error("the queue is full")]
     All,
 }
@@ -136,7 +132,6 @@ impl Size {
 }
 
 impl Pool {
-    /// Starts the threads.
     pub fn new(size: Size) -> io::Result<Self> {
         let bounds = Bounds {
             n_slots: size.n_threads + size.n_waiting,

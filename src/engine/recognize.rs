@@ -34,7 +34,6 @@ pub struct Task {
 pub struct Seen {
     /// The model that answered.
     pub served: Arc<ServedModel>,
-    /// Its answer.
     pub recognition: Recognition,
     /// Where asked for: why.
     pub why: Option<Reasons>,

@@ -78,12 +78,10 @@ struct Book {
     reported: BTreeSet<String>,
 }
 
-/// One model.
 #[derive(Clone, Debug, Default)]
 pub struct Entry {
     /// What is to serve.
     pub record: Record,
-    /// By number.
     pub versions: BTreeMap<u64, Version>,
     /// What served at the start in the place of the stable version, which did not work.
     fallback: Option<u64>,

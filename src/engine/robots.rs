@@ -138,7 +138,6 @@ impl Record {
         RobotName { stream: self.stream.clone(), robot: self.known().robot.clone() }
     }
 
-    /// All of it.
     pub fn info(&self) -> RobotInfo {
         let name = self.name();
         let known = self.known();

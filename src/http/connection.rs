@@ -127,7 +127,6 @@ impl Acceptor {
         }
     }
 
-    /// The next connection.
     async fn accept(&self) -> (TcpStream, Peer) {
         loop {
             match self.listener.accept().await {

@@ -51,7 +51,6 @@ impl RequestIds {
         Self { process: RandomState::new().hash_one(0) as u32, next: AtomicU64::new(1) }
     }
 
-    /// The next one.
     pub fn next(&self) -> Arc<str> {
         format!("{:08x}-{:06x}", self.process, self.next.fetch_add(1, Ordering::Relaxed)).into()
     }

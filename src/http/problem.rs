@@ -28,7 +28,6 @@ impl ErrorForm {
         }
     }
 
-    /// Its media type.
     pub fn media_type(self) -> &'static str {
         match self {
             Self::Problem => "application/problem+json",

@@ -49,24 +49,14 @@ pub enum TlsError {
     Half(&'static str),
     /// A file that cannot be read.
     #[error("the setting `{name}` is wrong: {path:?} cannot be read: {error}")]
-    Unreadable {
-        /// The setting.
-        name: &'static str,
-        /// The file.
-        path: PathBuf,
-        /// Why not.
-        error: io::Error,
-    },
+    Unreadable { name: &'static str, path: PathBuf, error: io::Error },
     /// A file that holds something else.
     #[error("the setting `{name}` is wrong: {path:?} holds no PEM of {what}: {error}")]
     Pem {
-        /// The setting.
         name: &'static str,
-        /// The file.
         path: PathBuf,
         /// What was looked for.
         what: &'static str,
-        /// What is wrong.
         error: pem::Error,
     },
     /// A key of another certificate, for example.

@@ -50,7 +50,6 @@ pub enum PackageError {
          {NETWORKS_FOLDER}/DIGEST.toml"
     )]
     Entry {
-        /// Its name.
         entry: String,
         /// What is wrong with it.
         reason: String,
@@ -78,7 +77,6 @@ pub enum PackageError {
     Io {
         /// What was read or written.
         path: PathBuf,
-        /// Why not.
         source: io::Error,
     },
 }

@@ -32,7 +32,6 @@ pub struct Record {
 /// A version that answers some of the robots.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Canary {
-    /// Its number.
     pub version: u64,
     /// The share of the robots that it answers, above 0 and below 1.
     pub share: f64,
@@ -46,12 +45,7 @@ pub enum RecordError {
     NoPrevious,
     /// The version has a label.
     #[error("version {version} is {label}: give the label to another version, or remove it, first")]
-    Labeled {
-        /// The version.
-        version: u64,
-        /// Its label.
-        label: &'static str,
-    },
+    Labeled { version: u64, label: &'static str },
     /// A stable version needs no second label.
     #[error("version {0} is stable: it answers all robots already")]
     Stable(u64),

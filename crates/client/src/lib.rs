@@ -23,8 +23,6 @@ mod models;
 mod stream;
 mod tls;
 
-
-
 pub use stream::{ResumePoint, Stream, StreamReceiver, StreamSender};
 pub use tls::install_provider;
 

@@ -186,7 +186,6 @@ pub const RESIDENT_MEMORY: Metric =
 pub const CPU: Metric =
     counter("process_cpu_seconds_total", &[], "Processor time of the process. Only on Linux.");
 
-/// All of them.
 pub const ALL: [&Metric; 29] = [
     &REQUESTS,
     &REQUEST_DURATION,

@@ -57,7 +57,6 @@ pub enum SwapOutcome {
 }
 
 impl Transport {
-    /// As a label.
     pub fn name(self) -> &'static str {
         match self {
             Self::Rest => "rest",
@@ -68,7 +67,6 @@ impl Transport {
 }
 
 impl FrameOutcome {
-    /// As a label.
     pub fn name(self) -> &'static str {
         match self {
             Self::Answered(_) => "answered",
@@ -79,10 +77,8 @@ impl FrameOutcome {
 }
 
 impl SwapKind {
-    /// All of them.
     pub const ALL: [Self; 5] = [Self::Activate, Self::Rollback, Self::Latest, Self::Label, Self::Unload];
 
-    /// As a label.
     pub fn name(self) -> &'static str {
         match self {
             Self::Activate => "activate",
@@ -95,10 +91,8 @@ impl SwapKind {
 }
 
 impl SwapOutcome {
-    /// All of them.
     pub const ALL: [Self; 3] = [Self::Done, Self::Failed, Self::Lost];
 
-    /// As a label.
     pub fn name(self) -> &'static str {
         match self {
             Self::Done => "done",

@@ -33,7 +33,6 @@ impl Totals {
         self.n_failed.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// All of it.
     pub fn read(&self) -> FrameTotals {
         let time = |sum: &AtomicU64| Duration::from_nanos(sum.load(Ordering::Relaxed));
         FrameTotals {

@@ -80,7 +80,6 @@ struct Turn {
 
 /// A job whose turn has come. It must be handed back to [`FairQueue::finish`].
 pub struct Taken<J> {
-    /// The job.
     pub job: J,
     /// What it is charged to.
     pub charge: Charge,
@@ -121,7 +120,6 @@ impl<J> FairQueue<J> {
         }
     }
 
-    /// Jobs that wait.
     pub fn n_waiting(&self) -> usize {
         self.n_waiting
     }

@@ -20,19 +20,13 @@ pub enum RegistryError {
     /// Models, but none that works.
     #[error("no model in {location} can serve:\n{}", failures.join("\n"))]
     AllFailed {
-        /// The repository.
         location: String,
         /// A line for each version that was tried.
         failures: Vec<String>,
     },
     /// The default model is not among those that serve.
     #[error("the setting `model` names {wanted:?}, which does not serve; these do: {}", serving.join(", "))]
-    NoDefault {
-        /// What was asked for.
-        wanted: String,
-        /// What there is.
-        serving: Vec<String>,
-    },
+    NoDefault { wanted: String, serving: Vec<String> },
 }
 
 /// Why a request gets no model.
@@ -77,7 +71,6 @@ pub enum ChangeError {
     Stale {
         /// What the caller thinks.
         expected: u64,
-        /// What is.
         current: u64,
     },
     /// A younger change has taken effect while this one was loading.
@@ -162,7 +155,6 @@ pub fn repository_kind(error: &RepositoryError) -> Kind {
 pub struct Failure {
     /// Where on its way it failed.
     pub stage: Stage,
-    /// What was wrong.
     pub reason: String,
     /// The files could not be reached, or ONNX Runtime is missing: they may be there at the next look.
     pub may_pass: bool,

@@ -12,7 +12,6 @@ pub struct ServedModel {
     pub version: u64,
     /// The epoch of the model at which this version came to serve as what it serves.
     pub epoch: u64,
-    /// The model itself.
     pub model: Arc<Model>,
     /// The BLAKE3 digest of its file, 64 hexadecimal digits.
     pub digest: String,

@@ -32,7 +32,6 @@ pub struct Version {
 /// What is true of a version.
 #[derive(Clone, Debug)]
 pub enum State {
-    /// It is there.
     Discovered,
     /// It is on the way to serving.
     Trying(Stage),
@@ -49,7 +48,6 @@ pub enum State {
 /// A model in memory.
 #[derive(Clone, Debug)]
 pub struct Loaded {
-    /// The model.
     pub model: Arc<Model>,
     /// The BLAKE3 digest of its file, 64 hexadecimal digits.
     pub digest: String,

@@ -33,7 +33,6 @@ pub struct Serving {
 pub enum Choice {
     /// The one that serves.
     Serving,
-    /// One number.
     Version(u64),
     /// The one that carries a label.
     Label(String),
@@ -44,7 +43,6 @@ pub enum Choice {
 pub struct Table {
     /// The model of requests that name none; none before one was named or served. It need not serve now.
     pub default: Option<String>,
-    /// By name.
     pub models: BTreeMap<String, Serving>,
 }
 

@@ -42,7 +42,6 @@ pub struct Inbox {
     heard: Instant,
 }
 
-/// What came.
 pub enum Incoming {
     /// A frame.
     Frame(Box<Received>),

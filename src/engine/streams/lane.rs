@@ -14,7 +14,6 @@ use std::time::Instant;
 
 /// A frame that waits.
 pub struct Waiting {
-    /// Its number.
     pub seq: u64,
     /// When it had arrived.
     pub arrived: Instant,
@@ -26,7 +25,6 @@ pub struct Waiting {
     pub n_header_bytes: usize,
     /// Its share of what frames in the mode `lossless` may have.
     pub share: Option<Share>,
-    /// Its trace.
     pub spans: FrameSpans,
 }
 

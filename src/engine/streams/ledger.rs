@@ -15,7 +15,6 @@ pub struct Ledger {
 
 /// An accepted frame.
 pub struct Accepted {
-    /// Its number.
     pub seq: u64,
     /// When it had arrived.
     pub arrived: Instant,

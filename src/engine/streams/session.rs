@@ -36,7 +36,6 @@ use tokio::time::{MissedTickBehavior, interval_at, sleep_until, timeout};
 use tokio_tungstenite::tungstenite::Utf8Bytes;
 use tokio_util::sync::CancellationToken;
 
-/// One stream.
 pub struct Session {
     engine: Engine,
     identity: Identity,

@@ -34,7 +34,6 @@ pub struct Socket {
 /// Why a connection is closed by the service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Close {
-    /// The service stops.
     Draining,
     /// Nothing was heard for too long.
     Idle,
@@ -50,7 +49,6 @@ pub enum Close {
     Share,
     /// The stream gave its place to another.
     GivenUp,
-    /// No model serves.
     NoModel,
     /// The stream goes on over another connection.
     Replaced,

@@ -23,7 +23,6 @@ pub enum News {
 
 /// A stream's turn on a thread.
 pub struct Turn {
-    /// The service.
     pub engine: Engine,
     /// The stream's frames that wait.
     pub lane: Arc<Lane>,

@@ -11,7 +11,6 @@ pub enum BodyError {
     /// Nothing in it.
     #[error("{EMPTY_FRAME}")]
     Empty,
-    /// Too many bytes.
     #[error("the body has more than {limit} bytes; send a smaller or more compressed frame")]
     TooLarge {
         /// The most bytes.

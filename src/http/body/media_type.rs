@@ -17,7 +17,6 @@ const SURELY_HAS_ALL_BYTES: usize = 1 << 10;
 /// What a body is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MediaType {
-    /// An image.
     Image,
     /// The same, from somebody who named no type.
     Untold,
