@@ -89,7 +89,7 @@ impl Engine {
         let location = settings.models.to_string_lossy();
         let repository = Repository::open(&location, &settings.models_cache).map_err(RegistryError::from)?;
         let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
-        let registry = Registry::open(repository, &settings, (events.clone(), metrics.clone()))?;
+        let registry = Registry::open(repository, &settings, events.clone(), metrics.clone())?;
         let body_memory = Arc::new(Semaphore::new(settings.max_buffered_bytes));
         let bodies = Bodies::new(body_memory.clone(), Limits::of(&settings));
         Ok(Self(Arc::new(EngineState {

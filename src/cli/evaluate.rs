@@ -97,7 +97,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     let streams = args.filter.as_ref().map(|trusts| {
         let defaults = [Trust::default()];
         let trusts = if trusts.is_empty() { &defaults } else { trusts.as_slice() };
-        stream::follow(&model, (&dataset, &described), &answers, trusts)
+        stream::follow(&model, &dataset, &described, &answers, trusts)
     });
     let learned = model.learned_pictures();
     let is_learned = |sample: &&Sample| sample.picture.is_some_and(|picture| learned.contains(&picture));
@@ -116,10 +116,10 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         n_learned,
         evaluation: evaluate(&answers),
         knowledge: validate::knowledge(&described, &answers),
-        poses: validate::poses(&model, (&dataset, &described)),
+        poses: validate::poses(&model, &dataset, &described),
         by_sequence: by_sequence.map(|(name, answers)| (name, evaluate(&answers))).collect(),
         streams,
-        wrong: args.wrong.then(|| wrong::wrong_frames(&model, (&dataset, &described), &answers)),
+        wrong: args.wrong.then(|| wrong::wrong_frames(&model, &dataset, &described, &answers)),
     };
     if let (Some(path), Some(frames)) = (&args.html, &report.wrong) {
         let title = format!("{} by {}", args.data.data.display(), args.model.display());

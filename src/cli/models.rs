@@ -300,10 +300,10 @@ impl Place {
         match self {
             Self::Local(local) => local.change(name, label.change(given), expected.epoch),
             Self::Service(client, runtime) => {
-                let label = (name.as_str(), label.name());
+                let label = label.name();
                 Ok(match given {
-                    Some(given) => runtime.block_on(client.set_label(label, &given, expected.epoch))?,
-                    None => runtime.block_on(client.remove_label(label, expected.epoch))?,
+                    Some(given) => runtime.block_on(client.set_label(name, label, &given, expected.epoch))?,
+                    None => runtime.block_on(client.remove_label(name, label, expected.epoch))?,
                 })
             }
         }

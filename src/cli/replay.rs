@@ -163,7 +163,7 @@ async fn play(args: &ReplayArgs, dataset: Dataset, track: &Track) -> anyhow::Res
         end: end(args)?,
     });
     let (stop, stopped) = watch::channel(false);
-    let feeds = (0..args.robots).map(|robot_idx| feed(args, &drive, track, (robot_idx, &stopped)));
+    let feeds = (0..args.robots).map(|robot_idx| feed(args, &drive, track, robot_idx, &stopped));
     let mut robots = JoinSet::new();
     match way {
         Way::Stream(streams) => {
@@ -174,11 +174,11 @@ async fn play(args: &ReplayArgs, dataset: Dataset, track: &Track) -> anyhow::Res
         Way::Rest(client) => {
             let connections = Arc::new(Semaphore::new(args.connections));
             for feed in feeds {
-                robots.spawn(robot::post(drive.clone(), feed, (client.clone(), connections.clone())));
+                robots.spawn(robot::post(drive.clone(), feed, client.clone(), connections.clone()));
             }
         }
     }
-    watch_over(args, track, (&drive, robots, stop)).await;
+    watch_over(args, track, &drive, robots, stop).await;
     let duration = drive.start.0.elapsed();
     let mut tally = Tally::new()?;
     std::mem::swap(&mut *drive.tally(), &mut tally);
@@ -280,7 +280,8 @@ fn feed(
     args: &ReplayArgs,
     drive: &Drive,
     track: &Track,
-    (robot_idx, stopped): (usize, &watch::Receiver<bool>),
+    robot_idx: usize,
+    stopped: &watch::Receiver<bool>,
 ) -> Feed {
     let n_frames = n_frames(args, track).unwrap_or(usize::MAX);
     Feed {
@@ -298,7 +299,9 @@ fn feed(
 async fn watch_over(
     args: &ReplayArgs,
     track: &Track,
-    (drive, mut robots, stop): (&Drive, JoinSet<()>, watch::Sender<bool>),
+    drive: &Drive,
+    mut robots: JoinSet<()>,
+    stop: watch::Sender<bool>,
 ) {
     let bar = output::progress("replaying", n_frames(args, track).map_or(0, |n| n * args.robots));
     let mut ticks = interval(TICK);

@@ -164,7 +164,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let golden = if args.no_golden_frames {
         Vec::new()
     } else {
-        golden::frames(&model, (dataset, described), &args.limits.limits())
+        golden::frames(&model, dataset, described, &args.limits.limits())
     };
     let (folder, published) = destination.take(&model, &golden)?;
     let not_held_out = NotHeldOut::of(held_out, &described.samples, args.add.is_some());

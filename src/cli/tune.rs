@@ -247,8 +247,7 @@ impl Tuner<'_> {
             }
             let seeded = Config { seed, ..trial.config.clone() };
             let method = Method::of(&seeded);
-            let answers =
-                validate::run(&described.samples, &rounds, &method, (&seeded, &self.camera), |_| ());
+            let answers = validate::run(&described.samples, &rounds, &method, &seeded, &self.camera, |_| ());
             let answers = match answers {
                 Ok(answers) => answers.concat(),
                 // The others may work.

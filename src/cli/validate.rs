@@ -195,7 +195,7 @@ fn by_protocol(args: &ValidateArgs, trainee: &Trainee, dataset: &Dataset) -> any
         let left_out = args.left_out_rooms(dataset, seed)?;
         let rounds: Vec<Round> =
             rounds.iter().map(|round| round.without(&described.samples, &left_out)).collect();
-        let answers = validate::run(&described.samples, &rounds, method, (&config, &camera), |choice| {
+        let answers = validate::run(&described.samples, &rounds, method, &config, &camera, |choice| {
             preferred.extend(choice.map(|choice| choice.tally().name.clone()));
             bar.inc(1);
         })?;
@@ -207,8 +207,8 @@ fn by_protocol(args: &ValidateArgs, trainee: &Trainee, dataset: &Dataset) -> any
     bar.finish_and_clear();
     if args.each {
         let samples: Vec<&Sample> = described.samples.iter().collect();
-        let models = method.train(&samples, (config, &camera))?;
-        measure(&mut reports, &models, (dataset, &limits))?;
+        let models = method.train(&samples, config, &camera)?;
+        measure(&mut reports, &models, dataset, &limits)?;
     }
     Ok(reports.into_iter().map(Report::summed_up).collect())
 }
@@ -258,7 +258,7 @@ fn by_given_split(
             None => samples.clone(),
         };
         drawn.retain(|sample| !left_out.contains(&sample.room));
-        let models = method.train(&drawn, (&config, &camera))?;
+        let models = method.train(&drawn, &config, &camera)?;
         for (test, reports) in tests.iter().zip(&mut by_test) {
             for Trained { team_idx, model, choice } in &models {
                 let answer = |sample_idx| validate::answer(model, &test.described.samples, sample_idx);
@@ -274,7 +274,7 @@ fn by_given_split(
         bar.inc(1);
         if args.each && seed + 1 == args.folds.seeds {
             for (test, reports) in tests.iter().zip(&mut by_test) {
-                measure(reports, &models, (&test.dataset, &limits))?;
+                measure(reports, &models, &test.dataset, &limits)?;
             }
         }
     }
@@ -286,7 +286,8 @@ fn by_given_split(
 fn measure(
     reports: &mut [Report],
     models: &[Trained],
-    (dataset, limits): (&Dataset, &Limits),
+    dataset: &Dataset,
+    limits: &Limits,
 ) -> anyhow::Result<()> {
     for Trained { team_idx, model, .. } in models {
         reports[*team_idx].cost = Some(Cost::measure(model, dataset, limits)?);

@@ -121,7 +121,7 @@ impl Metrics {
     }
 
     /// A frame came to its end with the model that answered it, or was to.
-    pub fn frame(&self, (name, version): (&str, u64), transport: Transport, outcome: FrameOutcome) {
+    pub fn frame(&self, name: &str, version: u64, transport: Transport, outcome: FrameOutcome) {
         let model = self.model(name);
         let told = model.told.get(&(version, transport, outcome.name()), || {
             let values = [name, &version.to_string(), transport.name(), outcome.name()];

@@ -193,7 +193,7 @@ impl End {
 impl Drop for End {
     fn drop(&mut self) {
         let ServedModel { name, version, .. } = &*self.served;
-        self.engine.metrics.frame((name, *version), self.transport, self.outcome);
+        self.engine.metrics.frame(name, *version, self.transport, self.outcome);
     }
 }
 
@@ -218,13 +218,13 @@ pub fn look(
     seen.timings.decode = decode_time;
     if let Some(permit) = engine.registry.permit_in_shadow(&seen.served) {
         let (served, recognition) = (seen.served.clone(), seen.recognition.clone());
-        engine.pool.queue_shadow(move || compare(permit, &image, (&served, &recognition)));
+        engine.pool.queue_shadow(move || compare(permit, &image, &served, &recognition));
     }
     Ok(seen)
 }
 
 /// Lets a shadow see a frame that was recognized, and notes whether it agrees.
-fn compare(permit: ShadowPermit, image: &Image, (served, recognition): (&Arc<ServedModel>, &Recognition)) {
+fn compare(permit: ShadowPermit, image: &Image, served: &Arc<ServedModel>, recognition: &Recognition) {
     let shadow = permit.shadow().served.clone();
     let other = see(shadow.clone(), false, image).recognition;
     let (rooms, other_rooms) = (served.model.rooms(), shadow.model.rooms());

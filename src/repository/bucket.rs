@@ -85,13 +85,14 @@ impl Bucket {
     /// The bucket at `s3://bucket/prefix`. Who may see it, and where it is, is told by the `AWS_...` of the
     /// environment. It need not be reachable yet.
     pub(super) fn open(location: &str, cache: &Path) -> Result<Self, RepositoryError> {
-        Self::connect(AmazonS3Builder::from_env(), location, (cache, PATIENCE))
+        Self::connect(AmazonS3Builder::from_env(), location, cache, PATIENCE)
     }
 
     fn connect(
         builder: AmazonS3Builder,
         location: &str,
-        (cache, patience): (&Path, Duration),
+        cache: &Path,
+        patience: Duration,
     ) -> Result<Self, RepositoryError> {
         roomsight_client::install_provider();
         let remote = Remote::new(builder, location, patience)?;
@@ -340,7 +341,7 @@ impl Bucket {
         let (about, others): (Files, Files) = files.into_iter().partition(|object| object.path == ABOUT_FILE);
         about.iter().try_for_each(receive)?;
         let entries = model::networks_of(into).map_err(|error| damaged(error.reason))?;
-        let shared = self.shared_networks(id, (&entries, &others))?;
+        let shared = self.shared_networks(id, &entries, &others)?;
         others.iter().try_for_each(receive)?;
         shared.iter().try_for_each(|network| self.bring_network(id, network, into))?;
         VerifiedFile::read(into).map_err(|error| damaged(error.reason))?;

@@ -61,7 +61,8 @@ impl Client {
     /// Gives the label `canary` or `shadow` of a model to a version.
     pub async fn set_label(
         &self,
-        (name, label): (&str, &str),
+        name: &str,
+        label: &str,
         given: &LabelJson,
         epoch: Option<u64>,
     ) -> Result<ModelInfo, ClientError> {
@@ -72,7 +73,8 @@ impl Client {
     /// Takes the label `canary` or `shadow` of a model away.
     pub async fn remove_label(
         &self,
-        (name, label): (&str, &str),
+        name: &str,
+        label: &str,
         epoch: Option<u64>,
     ) -> Result<ModelInfo, ClientError> {
         let path = format!("v1/models/{name}/labels/{label}");

@@ -324,7 +324,7 @@ impl Simulation {
         let light = optics.sights.iter().map(sees).collect();
         let noise_key = [&self.spec.run_key()[..], &[1 + kind as u64, frame_idx as u64]].concat();
         let turn_rate = self.trajectory.turn_rate(distance);
-        sensor::develop(optics, light, (&self.spec.exposure(), turn_rate), &mut seeded(&noise_key))
+        sensor::develop(optics, light, &self.spec.exposure(), turn_rate, &mut seeded(&noise_key))
     }
 
     /// Meters between frames.

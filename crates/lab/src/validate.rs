@@ -133,14 +133,15 @@ pub fn run(
     samples: &[Sample],
     rounds: &[Round],
     method: &Method,
-    (config, camera): (&Config, &Camera),
+    config: &Config,
+    camera: &Camera,
     mut on_round: impl FnMut(Option<Choice>),
 ) -> Result<Vec<Vec<Answered>>, TrainError> {
     let mut answers = vec![Vec::new(); method.names().len()];
     for round in rounds {
         let training: Vec<&Sample> = round.train.iter().map(|&idx| &samples[idx]).collect();
         let mut choice = None;
-        for trained in method.train(&training, (config, camera))? {
+        for trained in method.train(&training, config, camera)? {
             let of_team = round.test.iter().map(|&sample_idx| answer(&trained.model, samples, sample_idx));
             answers[trained.team_idx].extend(of_team);
             choice = choice.or(trained.choice);
@@ -162,7 +163,8 @@ pub fn answer(model: &Model, samples: &[Sample], sample_idx: usize) -> Answered 
 /// filter's probabilities. Every drive begins without any belief.
 pub fn filtered(
     model: &Model,
-    (dataset, described): (&Dataset, &Described),
+    dataset: &Dataset,
+    described: &Described,
     answers: &[Answered],
     trust: Trust,
 ) -> Vec<Answered> {
@@ -240,7 +242,7 @@ pub fn evaluate(dataset: &Dataset, described: &Described, answers: &[Answered]) 
 }
 
 /// How far off the poses are that a model estimates of described frames; `None` where none is known.
-pub fn poses(model: &Model, (dataset, described): (&Dataset, &Described)) -> Option<PoseErrors> {
+pub fn poses(model: &Model, dataset: &Dataset, described: &Described) -> Option<PoseErrors> {
     let estimated = |(sample, &frame_idx): (&Sample, &usize)| {
         let pose = dataset.frames[frame_idx].pose?;
         Some((model.pose(&sample.features)?, pose))

@@ -220,7 +220,7 @@ impl Vocabulary {
         let blocks = |idx: usize| self.blocks(words[idx], frame.spots[idx]);
         match self.encoding {
             Encoding::Counts => self.bag(words.len(), blocks),
-            Encoding::Vlad => vlad::vlad((frame.descriptors, words, &self.centers), self.n_blocks(), blocks),
+            Encoding::Vlad => vlad::vlad(frame.descriptors, words, &self.centers, self.n_blocks(), blocks),
         }
     }
 

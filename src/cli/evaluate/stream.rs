@@ -53,7 +53,8 @@ pub(super) fn check(dataset: &Dataset) -> anyhow::Result<()> {
 /// The answers as they are, then filtered with each trust.
 pub(super) fn follow(
     model: &Model,
-    (dataset, described): (&Dataset, &Described),
+    dataset: &Dataset,
+    described: &Described,
     answers: &[Answered],
     trusts: &[Trust],
 ) -> Vec<Stream> {
@@ -69,7 +70,7 @@ pub(super) fn follow(
     };
     let mut streams = vec![stream(None, answers)];
     for &trust in trusts {
-        let filtered = validate::filtered(model, (dataset, described), answers, trust);
+        let filtered = validate::filtered(model, dataset, described, answers, trust);
         streams.push(stream(Some(trust), &filtered));
     }
     streams

@@ -46,7 +46,8 @@ impl WrongFrame {
 /// The wrong answers, the surest first, then the right ones that are unknown, the least sure first.
 pub(super) fn wrong_frames(
     model: &Model,
-    (dataset, described): (&Dataset, &Described),
+    dataset: &Dataset,
+    described: &Described,
     answers: &[Answered],
 ) -> Vec<WrongFrame> {
     let told = |answer: &Answered| {

@@ -162,7 +162,7 @@ pub async fn stream(drive: Arc<Drive>, mut feed: Feed, stream: Stream) {
 }
 
 /// Sends over REST on connections that all robots share: a frame that finds all of them busy leaves late.
-pub async fn post(drive: Arc<Drive>, mut feed: Feed, (client, connections): (Client, Arc<Semaphore>)) {
+pub async fn post(drive: Arc<Drive>, mut feed: Feed, client: Client, connections: Arc<Semaphore>) {
     let mut calls = JoinSet::new();
     while let Some(shot) = feed.next(&drive).await {
         let Ok(connection) = connections.clone().acquire_owned().await else { break };

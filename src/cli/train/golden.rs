@@ -22,7 +22,8 @@ const MAX_ENDING_LENGTH: usize = 5;
 /// The middle frame of each room, up to [`N_GOLDEN_FRAMES`] rooms.
 pub(super) fn frames(
     model: &Model,
-    (dataset, described): (&Dataset, &Described),
+    dataset: &Dataset,
+    described: &Described,
     limits: &Limits,
 ) -> Vec<GoldenFrame> {
     // Whoever loads the model reads its frames within the default limits: it must see what training saw.

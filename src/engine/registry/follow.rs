@@ -24,7 +24,8 @@ impl Registry {
     pub fn open(
         repository: Repository,
         settings: &Settings,
-        (events, metrics): (Events, Arc<Metrics>),
+        events: Events,
+        metrics: Arc<Metrics>,
     ) -> Result<Self, RegistryError> {
         let registry = Self {
             repository,

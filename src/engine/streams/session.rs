@@ -404,16 +404,13 @@ impl Session {
             let messages = match outcome {
                 Outcome::Seen(seen) => {
                     self.engine.metrics.answer(&seen.served.name, seen.room(), &seen.recognition);
-                    self.count(
-                        (&seen.served.name, seen.served.version),
-                        FrameOutcome::Answered(seen.timings),
-                    );
-                    self.teller.result(&frame, *seen, (&self.settings, &self.engine.events, &self.record))
+                    self.count(&seen.served.name, seen.served.version, FrameOutcome::Answered(seen.timings));
+                    self.teller.result(&frame, *seen, &self.settings, &self.engine.events, &self.record)
                 }
                 Outcome::Failed(problem) => {
                     self.record.failed();
                     let model = self.teller.model();
-                    self.count((&model.name, model.version), FrameOutcome::Failed(problem.kind().name()));
+                    self.count(&model.name, model.version, FrameOutcome::Failed(problem.kind().name()));
                     vec![self.error(Some(seq), &problem)]
                 }
                 Outcome::Dropped(reason) => {
@@ -431,8 +428,8 @@ impl Session {
     }
 
     /// Counts a frame that is told; one that cannot be read counts for the model of the last answer.
-    fn count(&self, model: (&str, u64), outcome: FrameOutcome) {
-        self.engine.metrics.frame(model, Transport::Stream, outcome);
+    fn count(&self, model: &str, version: u64, outcome: FrameOutcome) {
+        self.engine.metrics.frame(model, version, Transport::Stream, outcome);
     }
 
     fn configure(&mut self, message: Option<&str>) -> ServerMessage {

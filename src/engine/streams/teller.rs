@@ -72,7 +72,9 @@ impl Teller {
         &mut self,
         frame: &Accepted,
         seen: Seen,
-        (settings, events, record): (&StreamSettings, &Events, &Record),
+        settings: &StreamSettings,
+        events: &Events,
+        record: &Record,
     ) -> Vec<Utf8Bytes> {
         let mut said: Vec<Utf8Bytes> = self.changed_model(frame.seq, &seen.served).into_iter().collect();
         let filtered = self.filtered(frame, &seen, settings);

@@ -62,7 +62,8 @@ impl Bucket {
     pub(super) fn shared_networks(
         &self,
         id: &VersionId,
-        (entries, own): (&[NetworkEntry], &Files),
+        entries: &[NetworkEntry],
+        own: &Files,
     ) -> Result<Vec<(NetworkEntry, Object)>, RepositoryError> {
         let shared: Vec<&NetworkEntry> = entries
             .iter()

@@ -119,7 +119,7 @@ impl Remote {
             let GetResult { meta: ObjectMeta { e_tag, version, .. }, .. } = &found;
             let version = UpdateVersion { e_tag: e_tag.clone(), version: version.clone() };
             let mut bytes = Vec::new();
-            receive(found, (max_bytes, patience), |piece| {
+            receive(found, max_bytes, patience, |piece| {
                 bytes.extend_from_slice(piece);
                 Ok(())
             })
@@ -136,7 +136,7 @@ impl Remote {
             let cannot = |error: std::io::Error| format!("cannot write {}: {error}", to.display());
             let mut file = File::create_new(&to).map_err(cannot)?;
             let found = get(&store, &key, patience).await?.ok_or_else(|| format!("{path} is gone"))?;
-            receive(found, (n_bytes, patience), |piece| file.write_all(piece).map_err(cannot)).await
+            receive(found, n_bytes, patience, |piece| file.write_all(piece).map_err(cannot)).await
         })
     }
 
@@ -214,7 +214,8 @@ async fn get(store: &AmazonS3, key: &Key, patience: Duration) -> Result<Option<G
 /// Hands the bytes of an object on, piece by piece, and no more than are allowed.
 async fn receive(
     found: GetResult,
-    (max_bytes, patience): (u64, Duration),
+    max_bytes: u64,
+    patience: Duration,
     mut take: impl FnMut(&[u8]) -> Result<(), String>,
 ) -> Result<(), String> {
     let path = found.meta.location.clone();

@@ -149,7 +149,7 @@ impl Lab {
             .with_access_key_id("test")
             .with_secret_access_key("test");
         let location = format!("s3://{}/of/robots", self.bucket);
-        Bucket::connect(builder, &location, (self.cache.path(), patience)).unwrap()
+        Bucket::connect(builder, &location, self.cache.path(), patience).unwrap()
     }
 }
 

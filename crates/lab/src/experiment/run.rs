@@ -152,8 +152,8 @@ impl Runner<'_> {
             let answer = match self.cache.get(&key) {
                 Some(answer) => answer,
                 None => {
-                    self.train(config, (&model_key, &split.train))?;
-                    let answer = self.answer_drive(config, &model_key, (test, occlusion))?;
+                    self.train(config, &model_key, &split.train)?;
+                    let answer = self.answer_drive(config, &model_key, test, occlusion)?;
                     self.cache.put(&key, &answer)?;
                     answer
                 }
@@ -163,7 +163,7 @@ impl Runner<'_> {
         Ok(answers)
     }
 
-    fn train(&mut self, config: &Config, (key, drive_idxs): (&str, &[usize])) -> Result<(), ExperimentError> {
+    fn train(&mut self, config: &Config, key: &str, drive_idxs: &[usize]) -> Result<(), ExperimentError> {
         if self.model(key).is_some() {
             return Ok(());
         }
@@ -201,7 +201,8 @@ impl Runner<'_> {
         &mut self,
         config: &Config,
         model_key: &str,
-        (drive_idx, occlusion): (usize, Occlusion),
+        drive_idx: usize,
+        occlusion: Occlusion,
     ) -> Result<Vec<FrameAnswer>, ExperimentError> {
         self.describe(config, drive_idx, occlusion, 1)?;
         let described = self.find(&described_key(config, drive_idx, occlusion));

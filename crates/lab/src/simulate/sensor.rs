@@ -24,7 +24,8 @@ pub(super) struct Exposure {
 pub(super) fn develop(
     optics: &Optics,
     light: Vec<Color>,
-    (exposure, turn_rate): (&Exposure, f32),
+    exposure: &Exposure,
+    turn_rate: f32,
     rng: &mut ChaCha8Rng,
 ) -> RgbImage {
     let light = motion_blurred(optics, light, turn_rate * exposure.time);

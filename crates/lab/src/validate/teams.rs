@@ -73,7 +73,8 @@ impl Method {
     pub fn train(
         &self,
         samples: &[&Sample],
-        (config, camera): (&Config, &Camera),
+        config: &Config,
+        camera: &Camera,
     ) -> Result<Vec<Trained>, TrainError> {
         // With the seed of the round.
         let seeded = |part: &Config| Config { seed: config.seed, ..part.clone() };

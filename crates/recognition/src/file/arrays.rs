@@ -129,22 +129,22 @@ impl<'a> Arrays<'a> {
     }
 
     pub(crate) fn matrix(&self, name: &str) -> Result<Matrix, FormatError> {
-        let (shape, bytes) = self.read(name, (Dtype::F32, 2))?;
+        let (shape, bytes) = self.read(name, Dtype::F32, 2)?;
         Matrix::from_vec(floats(bytes), shape[1])
             .ok_or_else(|| FormatError::Damaged(format!("{} has no columns", self.name(name))))
     }
 
     pub(crate) fn vector(&self, name: &str) -> Result<Vec<f32>, FormatError> {
-        Ok(floats(self.read(name, (Dtype::F32, 1))?.1))
+        Ok(floats(self.read(name, Dtype::F32, 1)?.1))
     }
 
     pub(crate) fn doubles(&self, name: &str) -> Result<Vec<f64>, FormatError> {
-        let bytes = self.read(name, (Dtype::F64, 1))?.1;
+        let bytes = self.read(name, Dtype::F64, 1)?.1;
         Ok(bytes.as_chunks().0.iter().map(|&value| f64::from_le_bytes(value)).collect())
     }
 
     pub(crate) fn longs(&self, name: &str) -> Result<Vec<u64>, FormatError> {
-        let bytes = self.read(name, (Dtype::U64, 1))?.1;
+        let bytes = self.read(name, Dtype::U64, 1)?.1;
         Ok(bytes.as_chunks().0.iter().map(|&number| u64::from_le_bytes(number)).collect())
     }
 
@@ -154,7 +154,7 @@ impl<'a> Arrays<'a> {
 
     /// Numbers of 32 bits.
     pub(crate) fn numbers(&self, name: &str) -> Result<Vec<u32>, FormatError> {
-        let bytes = self.read(name, (Dtype::U32, 1))?.1;
+        let bytes = self.read(name, Dtype::U32, 1)?.1;
         Ok(bytes.as_chunks().0.iter().map(|&number| u32::from_le_bytes(number)).collect())
     }
 
@@ -165,12 +165,12 @@ impl<'a> Arrays<'a> {
 
     /// A matrix of small whole numbers: its shape and its rows.
     pub(crate) fn bytes(&self, name: &str) -> Result<([usize; 2], Vec<i8>), FormatError> {
-        let (shape, bytes) = self.read(name, (Dtype::I8, 2))?;
+        let (shape, bytes) = self.read(name, Dtype::I8, 2)?;
         Ok(([shape[0], shape[1]], bytes.iter().map(|&value| value as i8).collect()))
     }
 
     pub(crate) fn text(&self, name: &str) -> Result<&'a str, FormatError> {
-        let bytes = self.read(name, (Dtype::U8, 1))?.1;
+        let bytes = self.read(name, Dtype::U8, 1)?.1;
         str::from_utf8(bytes).map_err(|_| FormatError::Damaged(format!("{} is no text", self.name(name))))
     }
 
@@ -179,7 +179,7 @@ impl<'a> Arrays<'a> {
         if !self.has(name) {
             return Ok(None);
         }
-        let (shape, pixels) = self.read(name, (Dtype::U8, 2))?;
+        let (shape, pixels) = self.read(name, Dtype::U8, 2)?;
         let picture = Image::from_pixels(shape[1], shape[0], pixels.to_vec());
         picture.map(Some).ok_or_else(|| FormatError::Damaged(format!("{} is empty", self.name(name))))
     }
@@ -192,7 +192,8 @@ impl<'a> Arrays<'a> {
     fn read(
         &self,
         name: &str,
-        (dtype, n_dimensions): (Dtype, usize),
+        dtype: Dtype,
+        n_dimensions: usize,
     ) -> Result<(Vec<usize>, &'a [u8]), FormatError> {
         let name = self.name(name);
         let tensor = self

@@ -84,7 +84,7 @@ impl Sight {
                         .to_owned());
                 }
                 let longest_side = detector.longest_side().unwrap_or(longest_side);
-                check_scale_space((detector, descriptor), longest_side)
+                check_scale_space(detector, descriptor, longest_side)
             }
             Self::Patterns(histograms) => histograms.check(),
             Self::Vector(lens) => {
@@ -115,7 +115,8 @@ impl Sight {
 
 /// Refuses frames whose blurred copies would fill the memory of the machine.
 fn check_scale_space(
-    (detector, descriptor): (&Detector, &Descriptor),
+    detector: &Detector,
+    descriptor: &Descriptor,
     longest_side: usize,
 ) -> Result<(), String> {
     let levels = match (detector.levels(), descriptor) {

@@ -229,7 +229,7 @@ impl Drive<'_> {
             .map(|frames| frames.renumbered(&model.config, &of_earlier, rooms.len()));
         let mut learned = model.learned.renumbered(&of_earlier);
         learned.extend(self.samples().map(|sample| (sample, index_of(&rooms, &sample.room))));
-        let opinions = self.learn(&model, &learned, (&of_earlier, &rooms))?;
+        let opinions = self.learn(&model, &learned, &of_earlier, &rooms)?;
         let classification = model.refitted(opinions, [&decisions, &left_out], rooms.len())?;
         let card = self.on_card(&model, &classification);
         // What was learned of the earlier rooms says nothing of how robots move to a new one.
@@ -275,7 +275,8 @@ impl Drive<'_> {
         &self,
         model: &Model,
         learned: &LearnedFrames,
-        (of_earlier, rooms): (&[usize], &[String]),
+        of_earlier: &[usize],
+        rooms: &[String],
     ) -> Result<Vec<Opinion>, AddError> {
         let learn = |opinion: &Opinion| {
             let frames = self.samples().map(|sample| sample.features.of(&opinion.sight));

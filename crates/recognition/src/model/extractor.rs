@@ -177,7 +177,7 @@ impl Parameters {
         };
         let see = |sight: &'s Sight| match sight {
             Sight::Keypoints { detector, descriptor } => {
-                Seen::Local(self.describe_keypoints(&scaled, (detector, descriptor), &mut scratch.space))
+                Seen::Local(self.describe_keypoints(&scaled, detector, descriptor, &mut scratch.space))
             }
             Sight::Patterns(histograms) => {
                 Seen::Whole(self.describe_frame(&scaled, histograms, &mut scratch.sections))
@@ -199,11 +199,12 @@ impl Parameters {
     fn describe_keypoints(
         &self,
         scaled: &Scaled,
-        (detector, descriptor): (&Detector, &Descriptor),
+        detector: &Detector,
+        descriptor: &Descriptor,
         space: &mut ScaleSpace,
     ) -> LocalFeatures {
         let Some(frame) = detector.longest_side().and_then(|longest| scaled.frame.shrink_to(longest)) else {
-            return scaled.describe((detector, descriptor), space);
+            return scaled.describe(detector, descriptor, space);
         };
         let size = [frame.width(), frame.height()];
         let view = self.camera.view(size[0], size[1]);
@@ -213,7 +214,7 @@ impl Parameters {
             None => view,
         };
         let shrunk = Scaled { frame: &frame, visible, view: &view };
-        let mut local = shrunk.describe((detector, descriptor), space);
+        let mut local = shrunk.describe(detector, descriptor, space);
         shrink(&mut local.keypoints, size[0] as f32 / scaled.frame.width() as f32);
         local
     }
@@ -249,7 +250,8 @@ impl Scaled<'_> {
     /// Its keypoints and their descriptors; `space` is the memory for the scale space.
     fn describe(
         &self,
-        (detector, descriptor): (&Detector, &Descriptor),
+        detector: &Detector,
+        descriptor: &Descriptor,
         space: &mut ScaleSpace,
     ) -> LocalFeatures {
         let keypoints = detector.detect_with(self.frame, self.view, space);

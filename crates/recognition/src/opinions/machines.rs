@@ -247,7 +247,7 @@ impl Recognizer for Machines {
                 return Err(mismatch());
             };
             let gram = among(gram, chosen.frame_idxs);
-            let svm = MatchSvm::train_over((&descriptors, &gram), labels, n_classes, config)?;
+            let svm = MatchSvm::train_over(&descriptors, &gram, labels, n_classes, config)?;
             return with(Kind::Match(svm), KeptRows::default());
         };
         let frames: Vec<Described> = local.iter().map(|local| local.described()).collect();
@@ -345,7 +345,7 @@ impl Recognizer for Machines {
             return Vec::new();
         };
         let words = vocabulary.quantize(&local.descriptors);
-        let weights = keypoint_weights((vocabulary, svm), (local, &words), room_idx);
+        let weights = keypoint_weights(vocabulary, svm, local, &words, room_idx);
         let clues = words.iter().zip(&local.keypoints).zip(weights).map(|((&word, keypoint), weight)| Clue {
             x: keypoint.x,
             y: keypoint.y,
@@ -431,8 +431,10 @@ fn forgotten(error: SvmError) -> AddError {
 /// How much each keypoint of a frame with these words adds to the decision value of a room: an equal share of what
 /// each block of the frame's row adds that it counts in.
 fn keypoint_weights(
-    (vocabulary, svm): (&Vocabulary, &LinearSvm),
-    (frame, words): (&LocalFeatures, &[u32]),
+    vocabulary: &Vocabulary,
+    svm: &LinearSvm,
+    frame: &LocalFeatures,
+    words: &[u32],
     room_idx: usize,
 ) -> Vec<f32> {
     let row = vocabulary.row_of_words(frame.described(), words);

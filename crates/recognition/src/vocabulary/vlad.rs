@@ -8,7 +8,9 @@ use roomsight_vision::matrix::Matrix;
 /// Sums residuals: `blocks` gives the blocks of [`Matrix::n_cols`] numbers that each descriptor, whose word is given
 /// beside it, is added to, of which there are `n_blocks`. The row is of unit length, or zero where nothing differs.
 pub(super) fn vlad<Blocks: Iterator<Item = usize>>(
-    (descriptors, words, centers): (&Matrix, &[u32], &Matrix),
+    descriptors: &Matrix,
+    words: &[u32],
+    centers: &Matrix,
     n_blocks: usize,
     blocks: impl Fn(usize) -> Blocks,
 ) -> Vec<f32> {
@@ -48,7 +50,7 @@ mod tests {
     fn residuals_are_summed_a_word_and_scaled() {
         let centers = Matrix::from_vec(vec![0.0, 0.0, 1.0, 0.0, 0.0, 1.0], 2).unwrap();
         let descriptors = Matrix::from_vec(vec![0.01, 0.04, 0.0, -0.4, 0.75, 0.0], 2).unwrap();
-        let row = vlad((&descriptors, &[0, 0, 1], &centers), 3, |_| 0..1);
+        let row = vlad(&descriptors, &[0, 0, 1], &centers, 3, |_| 0..1);
         // All in the first block: (0.01 - 0.25, 0.04 - 0.4), the roots of which are 0.4899 and 0.6.
         let length = 0.6f32.sqrt();
         for (value, expected) in
@@ -57,7 +59,7 @@ mod tests {
             assert!((value - expected).abs() < 1e-6, "{row:?}");
         }
         // Each in its own: two words of the same weight.
-        let row = vlad((&descriptors, &[0, 0, 1], &centers), 3, |idx| [0, 0, 1][idx]..[0, 0, 1][idx] + 1);
+        let row = vlad(&descriptors, &[0, 0, 1], &centers, 3, |idx| [0, 0, 1][idx]..[0, 0, 1][idx] + 1);
         let half = 0.5f32.sqrt();
         let first = [0.1 / 0.37f32.sqrt() * half, -0.6 / 0.37f32.sqrt() * half];
         for (value, expected) in row.iter().zip([first[0], first[1], -half, 0.0, 0.0, 0.0]) {
@@ -68,7 +70,7 @@ mod tests {
     #[test]
     fn words_themselves_give_zeros() {
         let centers = Matrix::from_vec(vec![0.6, 0.8], 2).unwrap();
-        assert_eq!(vlad((&centers, &[0], &centers), 1, |_| 0..1), [0.0, 0.0]);
-        assert_eq!(vlad((&Matrix::new(2), &[], &centers), 1, |_| 0..1), [0.0, 0.0]);
+        assert_eq!(vlad(&centers, &[0], &centers, 1, |_| 0..1), [0.0, 0.0]);
+        assert_eq!(vlad(&Matrix::new(2), &[], &centers, 1, |_| 0..1), [0.0, 0.0]);
     }
 }

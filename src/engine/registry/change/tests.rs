@@ -28,8 +28,8 @@ fn write_version(folder: &TempDir, version: u64) {
 fn open(folder: &TempDir, policy: Policy) -> Registry {
     let settings = Settings { policy, ..Settings::default() };
     let repository = Repository::open(&folder.path().to_string_lossy(), Path::new("unused")).unwrap();
-    let watched = (Events::default(), Arc::new(Metrics::new().unwrap()));
-    Registry::open(repository, &settings, watched).unwrap()
+    let metrics = Arc::new(Metrics::new().unwrap());
+    Registry::open(repository, &settings, Events::default(), metrics).unwrap()
 }
 
 fn wanted(change: Change, ticket: u64) -> Wanted {

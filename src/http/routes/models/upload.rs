@@ -134,7 +134,7 @@ pub async fn upload(app: &App, id: &VersionId, request: Request) -> Result<(), P
     let full = |_| UploadError::TooMany { limit: app.engine.settings.max_uploads };
     let _place = app.uploads.try_acquire().map_err(full)?;
     let received = blocking(app, |app| app.engine.registry.stage().map_err(UploadError::from)).await?;
-    receive(body, &received, (limit, app.engine.settings.body_timeout())).await?;
+    receive(body, &received, limit, app.engine.settings.body_timeout()).await?;
     let id = id.clone();
     blocking(app, move |app| publish(app, &id, &received)).await
 }
@@ -172,11 +172,7 @@ fn publish(app: &App, id: &VersionId, received: &TempDir) -> Result<(), UploadEr
 
 /// Writes a body into a file as it comes; no more than a few pieces of it are in memory. In each stretch of time as
 /// long as `patience` some of it must come.
-async fn receive(
-    mut body: Body,
-    into: &TempDir,
-    (limit, patience): (u64, Duration),
-) -> Result<(), UploadError> {
+async fn receive(mut body: Body, into: &TempDir, limit: u64, patience: Duration) -> Result<(), UploadError> {
     let path = into.path().join(BODY_FILE);
     let (sender, pieces) = channel(N_PIECES);
     let writing = spawn_blocking(move || write(File::create_new(path)?, pieces));

@@ -45,7 +45,7 @@ fn methods(base: &Config) -> [(&'static str, Config, bool); 2] {
 }
 
 /// A figure by each method; none where there is nothing to measure.
-fn cells_of((row, column): (&str, &str), splits: &[Split], base: &Config, printed: Option<f64>) -> Vec<Cell> {
+fn cells_of(row: &str, column: &str, splits: &[Split], base: &Config, printed: Option<f64>) -> Vec<Cell> {
     let cell = |(method, config, is_of_paper): (&str, Config, bool)| Cell {
         row: format!("{row}: {method}"),
         column: column.to_owned(),
@@ -89,7 +89,8 @@ pub(super) fn dynamic(drives: &Drives, base: &Config) -> Plan {
                     (&a.lab, a.path) == (&lab, path) && (a.illumination == b.illumination) == same_light
                 });
                 cells.extend(cells_of(
-                    (&format!("{lab}, {path_name}"), light),
+                    &format!("{lab}, {path_name}"),
+                    light,
                     &splits,
                     base,
                     printed(&lab, path, same_light),
@@ -124,7 +125,7 @@ pub(super) fn geographic(drives: &Drives, base: &Config) -> Plan {
         for (same_light, light) in [(true, "same light"), (false, "other light")] {
             let splits =
                 pairs(drives, |a, b| a.lab == lab && (a.illumination == b.illumination) == same_light);
-            cells.extend(cells_of((&lab, light), &splits, base, printed(&lab, same_light)));
+            cells.extend(cells_of(&lab, light, &splits, base, printed(&lab, same_light)));
         }
     }
     Plan {
@@ -153,7 +154,7 @@ pub(super) fn categorical(drives: &Drives, base: &Config) -> Result<Plan, Experi
                 labs.iter().filter(|lab| train.iter().any(|&idx| drives.get(idx).name.lab == **lab)).count();
             if n_labs + 1 == labs.len() && !test.is_empty() {
                 let splits = [Split { train, test }];
-                cells.extend(cells_of((&format!("answered in {lab}"), name), &splits, base, None));
+                cells.extend(cells_of(&format!("answered in {lab}"), name, &splits, base, None));
             }
         }
     }

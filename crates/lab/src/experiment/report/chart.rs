@@ -18,7 +18,7 @@ pub fn bars(plan: &Plan, measured: &[Measured]) -> String {
     for (row_idx, row) in rows.iter().enumerate() {
         let start = LEFT + (row_idx as f64 + 0.5) * group - columns.len() as f64 * bar / 2.0;
         for (column_idx, column) in columns.iter().enumerate() {
-            let Some(rate) = rate(plan, measured, (row, column)) else { continue };
+            let Some(rate) = rate(plan, measured, row, column) else { continue };
             let (x, y) = (start + column_idx as f64 * bar, y_of(rate.mean));
             let (height, color) = (y_of(0.0) - y, column_idx % N_COLORS);
             let width = bar - 2.0;
@@ -63,7 +63,7 @@ pub fn lines(plan: &Plan, measured: &[Measured]) -> String {
     for (column_idx, column) in columns.iter().enumerate() {
         let color = column_idx % N_COLORS;
         let point = |(parameter, row)| {
-            let mean = rate(plan, measured, (row, column))?.mean;
+            let mean = rate(plan, measured, row, column)?.mean;
             Some((x_of(parameter), y_of(mean), row, mean))
         };
         let points: Vec<(f64, f64, &str, f64)> = rows.iter().copied().filter_map(point).collect();
@@ -83,7 +83,7 @@ pub fn lines(plan: &Plan, measured: &[Measured]) -> String {
     framed(&svg, TOP + PLOT_HEIGHT + 42.0)
 }
 
-fn rate<'m>(plan: &Plan, measured: &'m [Measured], (row, column): (&str, &str)) -> Option<&'m Summary> {
+fn rate<'m>(plan: &Plan, measured: &'m [Measured], row: &str, column: &str) -> Option<&'m Summary> {
     let found = plan.cells.iter().zip(measured).find(|(cell, _)| cell.row == row && cell.column == column);
     found.and_then(|(_, measured)| measured.rates()?.rate.as_ref())
 }

@@ -184,7 +184,7 @@ impl MatchSvm {
     ) -> Result<Self, SvmError> {
         check_n_classes(n_classes)?;
         let gram = Self::gram(frames, config)?;
-        Self::train_over((frames, &gram), labels, n_classes, config)
+        Self::train_over(frames, &gram, labels, n_classes, config)
     }
 
     /// As [`MatchSvm::train`], on frames whose [`MatchSvm::gram`] is known.
@@ -192,7 +192,8 @@ impl MatchSvm {
     /// # Errors
     /// Those of [`DualSvm::train`]; a matrix of other frames.
     pub fn train_over(
-        (frames, gram): (&[&Matrix], &Matrix),
+        frames: &[&Matrix],
+        gram: &Matrix,
         labels: &[usize],
         n_classes: usize,
         config: &MatchConfig,
