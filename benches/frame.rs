@@ -7,7 +7,8 @@
 
 mod lab;
 
-use criterion::{BenchmarkGroup, Criterion, measurement::WallTime};
+use criterion::measurement::WallTime;
+use criterion::{BenchmarkGroup, Criterion};
 use image::codecs::jpeg::JpegEncoder;
 use roomsight_lab::simulate::CameraKind;
 use roomsight_recognition::classify::svm::{self, Calibration, LinearSvm};

@@ -8,11 +8,10 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use roomsight_recognition::model::DEFAULT_NETWORK;
 use roomsight_vision::network::{Network, Runtime, Session, Size};
-use std::env;
 use std::hint::black_box;
 use std::path::PathBuf;
-use std::thread;
 use std::time::{Duration, Instant};
+use std::{env, thread};
 
 const SIZES: [Size; 2] = [Size { width: 224, height: 224 }, Size { width: 384, height: 224 }];
 

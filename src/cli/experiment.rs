@@ -12,13 +12,10 @@ use roomsight_lab::experiment::{self, Cache, Drives, Experiment, Paper, Plan};
 use roomsight_recognition::model::{Config, Representation, all_opinions};
 use roomsight_vision::camera::CameraKind;
 use std::collections::BTreeMap;
-use std::env;
-use std::fs;
-use std::io;
-use std::iter;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 use std::time::SystemTime;
+use std::{env, fs, io, iter};
 
 /// Repeat the experiments of the papers, and one on opinions, on sequences of COLD, or of the simulated lab
 ///

@@ -6,10 +6,9 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use roomsight_lab::evaluate::{Evaluation, Knowledge, N_BINS, Rate};
 use roomsight_protocol::rest::NetworkInfo;
 use roomsight_recognition::model::{Addition, Card};
-use std::env;
-use std::io;
 use std::ops::Deref;
 use std::path::Path;
+use std::{env, io};
 use terminal_size::terminal_size;
 
 /// The most rooms whose confusion matrix is read as one.

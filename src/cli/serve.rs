@@ -1,9 +1,8 @@
 //! `roomsight serve`: the HTTP service.
 
-use super::limits;
-use super::log;
 use super::mistakes::nearest;
 use super::output::say;
+use super::{limits, log};
 use crate::http::{self, App, ReloadError, Reloaded};
 use crate::settings::{ENVIRONMENT_PREFIX, Settings};
 use anyhow::{Context, bail};

@@ -4,9 +4,8 @@ use super::Cli;
 use anyhow::Context;
 use clap::{Args, CommandFactory};
 use clap_complete::Shell;
-use std::fs;
-use std::io;
 use std::path::PathBuf;
+use std::{fs, io};
 
 /// What the program is called.
 const NAME: &str = "roomsight";

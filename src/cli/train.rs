@@ -118,6 +118,8 @@ struct Report {
 /// A model whose card says what it was trained on, and the frames that it has just learned.
 struct Trained {
     training: Training,
+    /// As far as training tells.
+    card: Card,
     dataset: Dataset,
     described: Described,
     /// On what the held-out rate was measured.
@@ -137,7 +139,8 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         Some(folder) => add_to(folder, args)?,
         None => train(args)?,
     };
-    let Trained { training: Training { model, held_out, .. }, dataset, described, .. } = &trained;
+    let Trained { training, dataset, described, .. } = &trained;
+    let Training { model, held_out, .. } = training;
     let answers: Vec<Answered> = held_out.iter().map(|held_out| answered(model, held_out)).collect();
     let evaluation = validate::evaluate(dataset, described, &answers);
     let of_rooms = || described.samples.iter().filter(|sample| !sample.is_elsewhere());
@@ -160,7 +163,7 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
         Some(_) => model.transitions().clone(),
         None => dataset.transitions(model.rooms()),
     };
-    let model = model.clone().with_card(card.clone()).with_transitions(transitions);
+    let model = training.finish(card.clone(), transitions);
     let golden = if args.no_golden_frames {
         Vec::new()
     } else {
@@ -326,8 +329,7 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
         choice: choice.filter(|choice| choice.tallies.len() > 1),
         ..Card::default()
     };
-    let training = Training { model: training.model.with_card(card), ..training };
-    Ok(Trained { training, dataset, described, held_out })
+    Ok(Trained { training, card, dataset, described, held_out })
 }
 
 fn add_to(folder: &Path, args: &TrainArgs) -> anyhow::Result<Trained> {
@@ -339,7 +341,8 @@ fn add_to(folder: &Path, args: &TrainArgs) -> anyhow::Result<Trained> {
     let described = data::describe_to_train(&dataset, &extractor, &args.limits.limits())?;
     let samples: Vec<&Sample> = described.samples.iter().collect();
     let training = with_progress(|progress| Ok(model.add(&samples, args.forget, progress)?))?;
-    Ok(Trained { training, dataset, described, held_out: "added sequences, before they were learned" })
+    let card = training.model.card().clone();
+    Ok(Trained { training, card, dataset, described, held_out: "added sequences, before they were learned" })
 }
 
 /// Trains behind a progress bar.
@@ -385,7 +388,7 @@ fn answered(model: &Model, held_out: &HeldOut) -> Answered {
 
 /// The card as training left it, completed by what the command knows.
 fn card(args: &TrainArgs, trained: &Trained, evaluation: &Evaluation) -> Card {
-    let mut card = trained.training.model.card().clone();
+    let mut card = trained.card.clone();
     let is_simulated = data::is_simulated(&args.data.data);
     let data = format!("{}{}", trained.held_out, if is_simulated { ", simulated" } else { "" });
     let rate = evaluation.overall.rate;

@@ -7,11 +7,10 @@ use crate::problem::{Kind, Problem};
 use crate::settings::Settings;
 use queue::{Bounds, Charge, FairQueue, Refusal, Taken};
 use std::collections::VecDeque;
-use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread;
 use std::time::{Duration, Instant};
+use std::{io, thread};
 use tokio::sync::oneshot;
 
 const LONGEST_WAIT: Duration = Duration::from_secs(60);

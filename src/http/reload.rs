@@ -1,8 +1,7 @@
 //! What changes without a restart: keys and certificates.
 
 use crate::http::App;
-use crate::http::tls::Tls;
-use crate::http::tls::TlsError;
+use crate::http::tls::{Tls, TlsError};
 use crate::settings::{Settings, SettingsError};
 
 /// What a reload has done.

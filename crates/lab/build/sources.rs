@@ -1,10 +1,9 @@
 //! The digest of source files: what names results that are kept, so that other code never reads them.
 
 use std::collections::hash_map::DefaultHasher;
-use std::fs;
 use std::hash::Hasher;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fs, io};
 
 /// The crates that answer frames, beside this one. Packages from a registry come without them; there this one's version
 /// names theirs.

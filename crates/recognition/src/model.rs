@@ -70,8 +70,7 @@ pub use trials::{Trials, Unit};
 use crate::classify::svm::most_probable;
 use crate::file::networks;
 use crate::filter::{Observation, RoomFilter, Transitions};
-use crate::opinions::pool;
-use crate::opinions::{Clue, Likeness, Opinion, Said};
+use crate::opinions::{Clue, Likeness, Opinion, Said, pool};
 use held_out::HeldOutFrames;
 use known::Known;
 use learned::LearnedFrames;
@@ -217,11 +216,6 @@ impl Model {
         &self.card
     }
 
-    /// The same model with another card.
-    pub fn with_card(self, card: Card) -> Self {
-        Self { card, ..self }
-    }
-
     /// The networks that it uses.
     pub fn networks(&self) -> &Networks {
         &self.networks
@@ -240,11 +234,6 @@ impl Model {
     /// How robots move between its rooms.
     pub fn transitions(&self) -> &Transitions {
         &self.transitions
-    }
-
-    /// The same model with these transitions between its rooms, as [`Transitions::learn`] finds them.
-    pub fn with_transitions(self, transitions: Transitions) -> Self {
-        Self { transitions, ..self }
     }
 
     /// What tells the pictures that it has learned from others, as [`Sample::picture`] does; none in files that do not say.

@@ -23,11 +23,10 @@ pub use vector::VectorConfig;
 
 use crate::file::arrays::{Array, Arrays};
 use crate::file::error::FormatError;
-use crate::look::lens::Lens;
-use crate::opinions::calibration::{Calibration, Way};
-
 use crate::look::features::Features;
+use crate::look::lens::Lens;
 use crate::look::sight::{Seen, Sight};
+use crate::opinions::calibration::{Calibration, Way};
 use crate::opinions::error::{AddError, TrainError};
 use machines::Machines;
 use memory::Remembrance;

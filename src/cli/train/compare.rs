@@ -8,8 +8,7 @@ use roomsight_recognition::model::{Extractor, Model};
 use roomsight_vision::image::Limits;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fmt;
-use std::io;
+use std::{fmt, io};
 
 /// Fewer frames that both were not trained on say nothing.
 const LEAST_FRAMES: usize = 10;

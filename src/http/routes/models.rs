@@ -2,8 +2,7 @@
 
 mod upload;
 
-use crate::engine::registry::ChangeError;
-use crate::engine::registry::{model_info, version_info, version_info_with_card};
+use crate::engine::registry::{ChangeError, model_info, version_info, version_info_with_card};
 use crate::http::App;
 use crate::http::blocking::blocking;
 use crate::http::body::{BodyError, read_json};

@@ -2,9 +2,8 @@
 
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeSet, HashMap};
-use std::fmt;
-use std::io;
 use std::path::{Path, PathBuf};
+use std::{fmt, io};
 
 /// One thing that was left out of a data set or looks wrong in it.
 #[derive(Clone, Debug, PartialEq, Eq)]

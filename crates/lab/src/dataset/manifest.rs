@@ -12,9 +12,8 @@ use csv::StringRecord;
 use icu_normalizer::{ComposingNormalizerBorrowed, DecomposingNormalizerBorrowed};
 use roomsight_vision::camera::CameraKind;
 use std::collections::{BTreeSet, HashMap};
-use std::fs;
-use std::io;
 use std::path::{Component, Path, PathBuf};
+use std::{fs, io};
 
 /// The name of the manifest in the folder of its data set.
 const FILE_NAME: &str = "frames.csv";

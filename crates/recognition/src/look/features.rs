@@ -1,8 +1,7 @@
 //! What a frame shows, before it is classified.
 
 use crate::look::flaw::Flaw;
-use crate::look::sight::Seen;
-use crate::look::sight::Sight;
+use crate::look::sight::{Seen, Sight};
 use roomsight_vision::detect::Keypoint;
 use roomsight_vision::matrix::Matrix;
 use std::sync::Arc;

@@ -1,7 +1,6 @@
 //! Which opinions a model has, chosen by held-out frames among a few candidates.
 
-use crate::model::card::Choice;
-use crate::model::card::Tally;
+use crate::model::card::{Choice, Tally};
 use crate::model::config::Config;
 use crate::model::held_out::TELLABLE;
 use crate::model::sample::Sample;

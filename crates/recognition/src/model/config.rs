@@ -1,14 +1,10 @@
 //! What to train: every parameter of a model.
 
-use crate::file::names::BAG;
-use crate::file::names::PATTERNS;
+use crate::file::names::{BAG, PATTERNS};
 use crate::file::networks::Networks;
 use crate::look::sight::Sight;
-use crate::opinions::Classifier;
-use crate::opinions::OpinionConfig;
-use crate::opinions::PatternsConfig;
 use crate::opinions::calibration::CalibrationConfig;
-use crate::opinions::{MachinesConfig, Representation};
+use crate::opinions::{Classifier, MachinesConfig, OpinionConfig, PatternsConfig, Representation};
 use roomsight_vision::describe::Descriptor;
 use roomsight_vision::detect::Detector;
 use roomsight_vision::network::NetworkError;

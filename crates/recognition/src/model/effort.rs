@@ -5,11 +5,10 @@ use crate::file::names::{BAG, PATTERNS};
 use crate::look::lens::Lens;
 use crate::model::choose::Candidate;
 use crate::model::config::Config;
-use crate::opinions::OpinionConfig;
-use crate::opinions::PatternsConfig;
-use crate::opinions::VectorConfig;
-use crate::opinions::{Classifier, MachinesConfig, Representation};
-use crate::opinions::{MemoryConfig, Remembered};
+use crate::opinions::{
+    Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
+    VectorConfig,
+};
 use crate::vocabulary;
 use crate::vocabulary::Pooling;
 use roomsight_vision::camera::CameraKind;

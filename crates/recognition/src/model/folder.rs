@@ -11,12 +11,7 @@
 //! `model.json` whose list is not that of the model file. A repository keeps these folders whole, and networks that
 //! several versions have once; see `crate::repository`.
 
-use crate::file::disk::LoadError;
-use crate::file::disk::MAX_SIDE_FILE_BYTES;
-use crate::file::disk::MODEL_FILE;
-use crate::file::disk::read_bounded;
-use crate::file::disk::refused;
-use crate::file::disk::write_new;
+use crate::file::disk::{LoadError, MAX_SIDE_FILE_BYTES, MODEL_FILE, read_bounded, refused, write_new};
 use crate::file::error::{FORMAT_VERSION, FormatError};
 use crate::file::networks;
 use crate::file::networks::{NetworkEntry, NetworkStore, write_networks};

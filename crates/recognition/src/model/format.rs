@@ -34,12 +34,10 @@
 //! cue, whose arrays are `cue.weights`, `cue.rho`, `cue.n_support_vectors`, `cue.slopes` and `cue.offsets`.
 
 use super::Classification;
-use crate::file::arrays;
 use crate::file::arrays::{Array, Arrays, require};
-use crate::file::error::FORMAT_VERSION;
-use crate::file::error::FormatError;
-use crate::file::networks;
+use crate::file::error::{FORMAT_VERSION, FormatError};
 use crate::file::networks::{NetworkEntry, Networks};
+use crate::file::{arrays, networks};
 use crate::filter::Transitions;
 use crate::model::Model;
 use crate::model::card::Card;

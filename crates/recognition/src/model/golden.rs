@@ -6,9 +6,8 @@ use crate::model::extractor::Scratch;
 use crate::model::{Model, Recognition};
 use roomsight_vision::image::Limits;
 use serde::{Deserialize, Serialize};
-use std::fs;
-use std::io;
 use std::path::Path;
+use std::{fs, io};
 
 /// Where they lie in a model's folder.
 pub const GOLDEN_FOLDER: &str = "golden";

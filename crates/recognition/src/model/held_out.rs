@@ -1,7 +1,6 @@
 //! How frames were decided by opinions that were not trained on them: what probabilities and weights rest on.
 
-use crate::classify::svm::Scheme;
-use crate::classify::svm::most_probable;
+use crate::classify::svm::{Scheme, most_probable};
 use crate::file::arrays::{Array, Arrays, require};
 use crate::file::error::FormatError;
 use crate::model::config::Config;
@@ -10,9 +9,8 @@ use crate::model::novelty;
 use crate::model::novelty::Signs;
 use crate::opinions::calibration::{Calibration, HeldOutValues, Way};
 use crate::opinions::error::TrainError;
-use crate::opinions::pool;
 use crate::opinions::pool::Judged;
-use crate::opinions::{OpinionConfig, Said};
+use crate::opinions::{OpinionConfig, Said, pool};
 use roomsight_vision::matrix::Matrix;
 
 /// The most frames that a model file keeps: a few hundred KiB an opinion for a dozen rooms.

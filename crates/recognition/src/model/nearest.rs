@@ -3,8 +3,7 @@
 use crate::look::features::Features;
 use crate::model::Model;
 use crate::model::pose::{Pose, PoseEstimate, Vote};
-use crate::opinions::Near;
-use crate::opinions::Opinion;
+use crate::opinions::{Near, Opinion};
 
 /// So many frames of each opinion tell where a frame was taken.
 const N_VOTERS: usize = 10;

@@ -1,15 +1,13 @@
 use super::*;
 use crate::look::features::Features;
-use crate::look::sight::Seen;
-use crate::look::sight::Sight;
+use crate::look::sight::{Seen, Sight};
 use crate::model::Model;
 use crate::model::add::Forgotten;
 use crate::model::config::Config;
 use crate::model::extractor::{Extractor, Scratch};
 use crate::model::sample::Sample;
 use crate::model::training::Training;
-use crate::opinions::OpinionConfig;
-use crate::opinions::VectorConfig;
+use crate::opinions::{OpinionConfig, VectorConfig};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use roomsight_vision::camera::{Camera, Projection};

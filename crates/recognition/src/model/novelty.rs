@@ -8,9 +8,8 @@ use crate::classify::svm::most_probable;
 use crate::file::arrays::{Array, Arrays, require};
 use crate::file::error::FormatError;
 use crate::model::config::Config;
-use crate::opinions::logit;
 use crate::opinions::logit::{Case, Prior};
-use crate::opinions::{OpinionConfig, Said, Sign};
+use crate::opinions::{OpinionConfig, Said, Sign, logit};
 
 /// What the pool of all opinions tells of how familiar a frame is: the probability of the answer, and the share of
 /// opinions that would answer the same.

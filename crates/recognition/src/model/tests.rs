@@ -82,9 +82,7 @@ fn new_frames_of_known_rooms_are_recognized() {
 
 #[test]
 fn every_classifier_recognizes_and_comes_back_from_its_file_the_same() {
-    use crate::classify::svm::KernelConfig;
-    use crate::classify::svm::KernelFunction;
-    use crate::classify::svm::{InnerKernel, MatchConfig};
+    use crate::classify::svm::{InnerKernel, KernelConfig, KernelFunction, MatchConfig};
     let kernels = [
         KernelFunction::Rbf { gamma: None },
         KernelFunction::Sigmoid { gamma: None, coef0: 0.1 },
@@ -310,8 +308,7 @@ fn dense(bag: vocabulary::Config) -> Config {
 
 #[test]
 fn what_is_counted_by_parts_of_a_grid_recognizes_explains_and_comes_back_the_same() {
-    use crate::vocabulary::Encoding;
-    use crate::vocabulary::Pooling;
+    use crate::vocabulary::{Encoding, Pooling};
     let counts = vocabulary::Config {
         n_words: 20,
         pooling: Pooling::Pyramid { levels: 2 },
@@ -465,7 +462,7 @@ fn the_file_holds_everything() {
     let card = Card { description: "three patterns".to_owned(), ..Card::default() };
     let step = crate::filter::Step { from: 0, to: 2, seconds: 3.0 };
     let transitions = Transitions::learn(3, [step]);
-    let model = training.model.with_card(card).with_transitions(transitions);
+    let model = training.finish(card, transitions);
     let bytes = model.to_bytes().unwrap();
     let read = Model::from_bytes(&bytes).unwrap();
     assert_eq!(read.to_bytes().unwrap(), bytes);

@@ -7,8 +7,7 @@ use crate::file::error::FormatError;
 use crate::opinions::error::TrainError;
 use crate::opinions::logit::softmax;
 use roomsight_vision::matrix::Matrix;
-use serde::Deserialize;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// How decision values become probabilities.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -4,16 +4,12 @@ mod file;
 
 pub(crate) use file::LinearArrays;
 
-use crate::classify::boost;
 use crate::classify::boost::Boost;
-use crate::classify::svm;
-use crate::classify::svm::DualSvm;
-use crate::classify::svm::IncrementalSvm;
-use crate::classify::svm::KernelFunction;
-use crate::classify::svm::LinearSvm;
-use crate::classify::svm::{InnerKernel, MatchConfig, MatchSvm};
-use crate::classify::svm::{KernelConfig, KernelSvm};
-use crate::classify::svm::{Scheme, SvmError};
+use crate::classify::svm::{
+    DualSvm, IncrementalSvm, InnerKernel, KernelConfig, KernelFunction, KernelSvm, LinearSvm, MatchConfig,
+    MatchSvm, Scheme, SvmError,
+};
+use crate::classify::{boost, svm};
 use crate::file::arrays::{Array, Arrays};
 use crate::file::error::FormatError;
 use crate::labeled::LabeledError;

@@ -1,8 +1,7 @@
 //! A memory of the local features of all frames, by which rooms are told as places that were seen before.
 
 use crate::classify::memory;
-use crate::classify::memory::Recall;
-use crate::classify::memory::{Memory, MemoryError, Origin, Parts};
+use crate::classify::memory::{Memory, MemoryError, Origin, Parts, Recall};
 use crate::file::arrays::{Array, Arrays, require};
 use crate::file::error::FormatError;
 use crate::look::lens::Lens;

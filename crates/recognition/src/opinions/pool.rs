@@ -2,8 +2,7 @@
 //! fitted.
 
 use crate::opinions::logit;
-use crate::opinions::logit::softmax;
-use crate::opinions::logit::{Case, Prior};
+use crate::opinions::logit::{Case, Prior, softmax};
 
 /// How far a fitted weight typically lies from what is taken for it where nothing is known. With a few held-out frames
 /// weights stay near the prior ones; hundreds outvote them.

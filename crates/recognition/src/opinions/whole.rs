@@ -7,8 +7,7 @@ use crate::file::error::FormatError;
 use crate::look::sight::Seen;
 use crate::opinions::error::{AddError, TrainError};
 use crate::opinions::kept::KeptRows;
-use crate::opinions::machines::LinearArrays;
-use crate::opinions::machines::{MACHINE_SIGNS, signs_of};
+use crate::opinions::machines::{LinearArrays, MACHINE_SIGNS, signs_of};
 use crate::opinions::{Added, Chosen, Clue, Left, Near, Recognizer, Said, Shape, Sign, Size};
 use roomsight_vision::matrix::Matrix;
 

@@ -125,10 +125,9 @@ fn subtracted(a: Counts, b: Counts) -> Counts {
 mod tests {
     use super::*;
     use crate::camera::{Camera, Mask, Projection};
-    use crate::describe::CsLbp;
-    use crate::describe::Region;
     use crate::describe::region::Weighting;
     use crate::describe::testing::noise;
+    use crate::describe::{CsLbp, Region};
     use proptest::prelude::*;
 
     proptest! {

@@ -291,7 +291,8 @@ mod tests {
 
     #[test]
     fn the_scale_space_of_the_default_detector_describes_alike() {
-        use crate::detect::{Detector, Sift, testing::blobs};
+        use crate::detect::testing::blobs;
+        use crate::detect::{Detector, Sift};
         let image = blobs(0.0, 1.0, 1.0);
         let (view, sift) = (whole(&image), SiftDescriptor::default());
         let mut space = ScaleSpace::default();

@@ -110,9 +110,8 @@ pub(super) fn unsupported(format: &str, advice: &str) -> ImageError {
 mod tests {
     use super::super::exif::tests::exif;
     use super::*;
-    use image::ImageFormat;
     use image::codecs::jpeg::JpegEncoder;
-    use image::{ExtendedColorType, ImageEncoder, RgbImage};
+    use image::{ExtendedColorType, ImageEncoder, ImageFormat, RgbImage};
     use proptest::prelude::*;
     use std::io::Cursor;
 

@@ -17,8 +17,7 @@ mod scan;
 mod tests;
 
 use super::{Gap, ImageError, Limits, Region, check_size, damaged, exif, unsupported};
-use blocks::ZIGZAG;
-use blocks::{Part, Pass};
+use blocks::{Part, Pass, ZIGZAG};
 use frame::{Component, Frame, RowState};
 use huffman::{Class, Table};
 use image::metadata::Orientation;

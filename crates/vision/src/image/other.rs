@@ -1,8 +1,7 @@
 //! PNG, WebP, BMP and PNM to luma and colors.
 
-use super::containers;
 use super::format::Format;
-use super::{Image, ImageError, Limits, check_size, damaged, luma_of, oriented, unsupported};
+use super::{Image, ImageError, Limits, check_size, containers, damaged, luma_of, oriented, unsupported};
 use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 use std::borrow::Cow;

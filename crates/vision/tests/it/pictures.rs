@@ -3,9 +3,8 @@
 //! `tests/pictures/matrix.py` makes the pictures, `make test-python` runs both.
 
 use roomsight_vision::image::{Image, Limits};
-use std::env;
-use std::fs;
 use std::path::PathBuf;
+use std::{env, fs};
 
 /// How far the luma of a pixel may be from Pillow's.
 const TOLERANCE: u8 = 2;

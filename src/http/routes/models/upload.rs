@@ -1,7 +1,6 @@
 //! A version comes in: its body into a staged folder, tried, published.
 
-use crate::engine::registry::ChangeError;
-use crate::engine::registry::repository_kind;
+use crate::engine::registry::{ChangeError, repository_kind};
 use crate::http::App;
 use crate::http::blocking::blocking;
 use crate::problem::{Kind, Problem};

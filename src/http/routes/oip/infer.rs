@@ -2,15 +2,13 @@
 
 use super::problems::InferProblems;
 use super::{ModelPath, repository};
-use crate::engine::answers::Asked;
-use crate::engine::answers::answers;
+use crate::engine::answers::{Asked, answers};
 use crate::engine::frame::Frame;
 use crate::engine::metrics::Transport;
-use crate::http::App;
-use crate::http::body;
 use crate::http::caller::caller_of;
 use crate::http::openapi::{NameParam, VersionParams};
 use crate::http::query::Caller;
+use crate::http::{App, body};
 use crate::problem::{Kind, Problem};
 use axum::body::Bytes;
 use axum::extract::{Request, State};

@@ -1,8 +1,7 @@
 //! How models are run, and what they have done: what Triton's own tools ask for beside frames.
 
-use super::ModelPath;
 use super::problems::{ModelProblems, ServerProblems};
-use super::repository;
+use super::{ModelPath, repository};
 use crate::http::App;
 use crate::http::openapi::{NameParam, VersionParams};
 use crate::problem::Problem;

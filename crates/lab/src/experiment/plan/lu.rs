@@ -4,6 +4,7 @@ use super::super::{Drives, Experiment, ExperimentError, Occlusion};
 use super::{Cell, Chart, Plan, Split, Work, cell};
 use crate::dataset::cold::Illumination;
 use crate::validate::teams;
+use Illumination::{Cloudy, Night, Sunny};
 use roomsight_recognition::classify::boost;
 use roomsight_recognition::classify::svm::{self, KernelConfig, KernelFunction};
 use roomsight_recognition::model::{Classifier, Config, Representation};
@@ -12,8 +13,6 @@ use roomsight_vision::camera::Projection;
 use roomsight_vision::describe::{CsLbp, Descriptor, Lbp, SiftDescriptor, SurfDescriptor};
 use roomsight_vision::detect::{Detector, Fast, FastThreshold, Sift, Surf};
 use std::collections::BTreeSet;
-
-use Illumination::{Cloudy, Night, Sunny};
 
 /// The drives that Lu answers, in the order of the tables.
 const LU_TESTS: [(Illumination, u32, &str); 3] =

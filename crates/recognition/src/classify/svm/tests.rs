@@ -1,7 +1,8 @@
 use super::kernel::Kernel;
 use super::smo::{self, Problem};
 use super::*;
-use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType, predict::predict_values};
+use libsvm_rs::predict::predict_values;
+use libsvm_rs::{KernelType, SvmNode, SvmParameter, SvmProblem, SvmType};
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -2,12 +2,7 @@
 
 use super::{Kind, mismatch};
 use crate::classify::boost::{Boost, Stump};
-use crate::classify::svm::DualSvm;
-use crate::classify::svm::KernelFunction;
-use crate::classify::svm::KernelSvm;
-use crate::classify::svm::LinearSvm;
-use crate::classify::svm::MatchSvm;
-use crate::classify::svm::Scheme;
+use crate::classify::svm::{DualSvm, KernelFunction, KernelSvm, LinearSvm, MatchSvm, Scheme};
 use crate::file::arrays::{Array, Arrays, require};
 use crate::file::error::FormatError;
 use crate::opinions::Shape;
