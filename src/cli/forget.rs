@@ -33,7 +33,7 @@ pub(super) fn run(args: &ForgetArgs) -> anyhow::Result<()> {
     }
     let mut model = data::load_model(&args.model)?.model;
     let drives = args.drives.iter().map(|drive| Forgotten::Drive(drive));
-    for forgotten in drives.chain(args.rooms.iter().map(|room| Forgotten::Place(room))) {
+    for forgotten in drives.chain(args.rooms.iter().map(|room| Forgotten::Room(room))) {
         model = model.without(forgotten)?;
     }
     model.save(&args.output, &[])?;

@@ -26,7 +26,7 @@ use tokio::runtime::Runtime;
 #[derive(Args)]
 pub(super) struct ModelsArgs {
     #[command(flatten)]
-    room: RoomArgs,
+    store: StoreArgs,
     /// Print JSON
     #[arg(long, global = true)]
     json: bool,
@@ -36,7 +36,7 @@ pub(super) struct ModelsArgs {
 
 /// Where the models are.
 #[derive(Args)]
-struct RoomArgs {
+struct StoreArgs {
     #[command(flatten)]
     repository: RepositoryArgs,
     /// A running service, instead of a repository, such as http://127.0.0.1:8080
@@ -163,52 +163,52 @@ struct Target {
 }
 
 /// A repository or a service.
-enum Place {
+enum Store {
     Local(Local),
     Service(Client, Runtime),
 }
 
 /// Does it, and prints what is then so.
 pub(super) fn run(args: &ModelsArgs) -> anyhow::Result<()> {
-    let room = Place::open(args)?;
+    let store = Store::open(args)?;
     let json = args.json;
     match &args.command {
-        ModelsCommand::List => tell(json, &room.list()?, |models| print::models(models)),
+        ModelsCommand::List => tell(json, &store.list()?, |models| print::models(models)),
         ModelsCommand::Show { target: Target { name, version: None } } => {
-            tell(json, &room.model(name)?, print::model)
+            tell(json, &store.model(name)?, print::model)
         }
         ModelsCommand::Show { target: Target { name, version: Some(version) } } => {
             let id = VersionId::new(name, *version);
-            tell(json, &room.version(&id)?, |version| print::version(&id, version))
+            tell(json, &store.version(&id)?, |version| print::version(&id, version))
         }
         ModelsCommand::Push { model, target } => {
-            let id = room.push(model, target)?;
+            let id = store.push(model, target)?;
             tell_done(json, &id, "is there; `models list` tells whether it serves, `models activate` lets it")
         }
         ModelsCommand::Activate { id, expected } => {
-            room.activate(id, expected.epoch)?;
+            store.activate(id, expected.epoch)?;
             tell_done(json, id, "serves")
         }
         ModelsCommand::Rollback { name, expected } => {
-            let version = room.rollback(name, expected.epoch)?.serving;
+            let version = store.rollback(name, expected.epoch)?.serving;
             let version = version.context("nothing serves after the rollback")?;
             tell_done(json, &VersionId::new(name, version), "serves")
         }
-        ModelsCommand::Verify { target } => room.verify(json, target.as_ref()),
+        ModelsCommand::Verify { target } => store.verify(json, target.as_ref()),
         ModelsCommand::Delete { id, expected } => {
-            room.delete(id, expected.epoch)?;
+            store.delete(id, expected.epoch)?;
             tell_done(json, id, "is gone")
         }
-        ModelsCommand::Default { name } => tell(json, &room.set_default(name)?, |model| {
+        ModelsCommand::Default { name } => tell(json, &store.set_default(name)?, |model| {
             Ok(say!("{} answers requests that name no model", model.name)?)
         }),
-        ModelsCommand::Label(args) => tell(json, &room.label(args)?, print::model),
+        ModelsCommand::Label(args) => tell(json, &store.label(args)?, print::model),
     }
 }
 
-impl Place {
+impl Store {
     fn open(args: &ModelsArgs) -> anyhow::Result<Self> {
-        let RoomArgs { repository, url, service } = &args.room;
+        let StoreArgs { repository, url, service } = &args.store;
         let Some(url) = url else {
             let adds = matches!(args.command, ModelsCommand::Push { .. });
             let open = if adds { Local::open_to_add } else { Local::open };

@@ -91,8 +91,8 @@ fn says(code: &str, word: &str) -> bool {
 }
 
 /// Whether a path is one of these files, or in one of these folders.
-fn is_in(path: &str, rooms: &[&str]) -> bool {
-    rooms.iter().filter_map(|room| path.strip_prefix(room)).any(|rest| !rest.starts_with(is_word))
+fn is_in(path: &str, starts: &[&str]) -> bool {
+    starts.iter().filter_map(|start| path.strip_prefix(start)).any(|rest| !rest.starts_with(is_word))
 }
 
 /// What is wrong in one file.
@@ -100,7 +100,7 @@ fn violations(path: &str, source: &str) -> Vec<String> {
     let code = code(source);
     let mut found = Vec::new();
     for Reserved { words, within, only, why } in &RESERVED {
-        if within.iter().any(|room| path.starts_with(room)) && !is_in(path, only) {
+        if within.iter().any(|start| path.starts_with(start)) && !is_in(path, only) {
             let said = words.iter().filter(|word| says(&code, word));
             found.extend(said.map(|word| format!("{path} says `{word}`: {why}")));
         }

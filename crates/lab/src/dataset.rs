@@ -3,8 +3,8 @@
 //! | format | what lies there |
 //! |---|---|
 //! | [`Format::Folder`] | a folder a room: `kitchen/*.jpg`, or `kitchen/SEQUENCE/*.jpg`; also in `train`, `val`, ... |
-//! | [`Format::Manifest`] | `frames.csv` with the columns `file,room,sequence,camera,split` |
-//! | [`Format::Cold`] | COLD sequences: `seq3_cloudy1/{std_cam,omni_cam,localization/rooms.lst}` |
+//! | [`Format::Manifest`] | `frames.csv` with the columns `file,place,sequence,camera,split` |
+//! | [`Format::Cold`] | COLD sequences: `seq3_cloudy1/{std_cam,omni_cam,localization/places.lst}` |
 //!
 //! What cannot be used is never skipped in silence: it is a [`Problem`] beside the frames, or, where
 //! nothing sensible can be made of the whole, a [`DatasetError`]. One name is one room: names are compared as

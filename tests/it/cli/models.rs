@@ -19,8 +19,8 @@ use tempfile::TempDir;
 const PATIENCE: Duration = Duration::from_secs(20);
 
 /// What `models` prints of a place, as JSON.
-fn models(room: &[&str], arguments: &[&str]) -> Value {
-    json(&[&["models", "--json"], room, arguments].concat())
+fn models(store: &[&str], arguments: &[&str]) -> Value {
+    json(&[&["models", "--json"], store, arguments].concat())
 }
 
 /// The versions of a model, the highest first, with their labels.
@@ -32,10 +32,10 @@ fn labels(model: &Value) -> Vec<String> {
     model["versions"].as_array().unwrap().iter().map(told).collect()
 }
 
-/// Pushes twice, lets versions serve, tries them, and removes one; `room` is a repository or a service.
-fn walk(room: &[&str]) {
+/// Pushes twice, lets versions serve, tries them, and removes one; `store` is a repository or a service.
+fn walk(store: &[&str]) {
     let model = LAB.model();
-    let step = |arguments: &[&str]| models(room, arguments);
+    let step = |arguments: &[&str]| models(store, arguments);
     for version in [1, 2, 3] {
         assert_eq!(step(&["push", &model, "lab"])["version"], version);
     }
@@ -50,7 +50,7 @@ fn walk(room: &[&str]) {
     assert_eq!(labels(&shown), ["3 canary", "2 previous", "1 stable"]);
     assert_eq!(shown["versions"][0]["share"], 0.25);
 
-    let failing = |arguments: &[&str]| refused(FAILED, &[&["models"], room, arguments].concat());
+    let failing = |arguments: &[&str]| refused(FAILED, &[&["models"], store, arguments].concat());
     let stale = failing(&["activate", "lab/2", "--epoch", "1"]);
     assert!(stale.contains("epoch"), "{stale}");
     let used = failing(&["delete", "lab/3"]);
@@ -63,8 +63,8 @@ fn walk(room: &[&str]) {
     assert!(unfit.contains("--share"), "{unfit}");
 
     assert_eq!(step(&["default", "lab"])["default"], true);
-    assert!(done(&[&["models"], room, &["default", "lab"]].concat()).contains("lab answers"));
-    let listed = done(&[&["models"], room, &["list"]].concat());
+    assert!(done(&[&["models"], store, &["default", "lab"]].concat()).contains("lab answers"));
+    let listed = done(&[&["models"], store, &["list"]].concat());
     assert!(listed.contains("lab answers requests that name no model"), "{listed}");
     let unknown = failing(&["default", "attic"]);
     assert!(unknown.contains("attic"), "{unknown}");
@@ -77,9 +77,9 @@ fn walk(room: &[&str]) {
     assert_eq!(version["rooms"], serde_json::json!(ROOMS));
     assert_eq!(version["digest"].as_str().unwrap().len(), 64);
     assert!(version["card"]["n_frames"].is_number(), "{version}");
-    let table = done(&[&["models"], room, &["show", "lab/1"]].concat());
+    let table = done(&[&["models"], store, &["show", "lab/1"]].concat());
     assert!(table.contains("trained on") && table.contains("dots"), "{table}");
-    assert!(done(&[&["models"], room, &["list"]].concat()).contains("stable"));
+    assert!(done(&[&["models"], store, &["list"]].concat()).contains("stable"));
     // 3 was canary, and is gone: no other version gets its number.
     assert_eq!(step(&["push", &model, "lab"])["version"], 4);
 }
@@ -93,23 +93,23 @@ fn models_come_and_go_in_a_folder() {
 #[test]
 fn a_second_model_is_not_the_default_and_an_archive_can_be_pushed() {
     let folder = TempDir::new().unwrap();
-    let room = ["--models", &path(&folder, "models")];
-    models(&room, &["push", &LAB.model(), "lab"]);
+    let store = ["--models", &path(&folder, "models")];
+    models(&store, &["push", &LAB.model(), "lab"]);
     let archive = path(&folder, "lab.tar.gz");
     let mut encoder = GzEncoder::new(fs::File::create(&archive).unwrap(), Compression::fast());
     pack(Path::new(&LAB.model()), &mut encoder).unwrap();
     encoder.finish().unwrap();
-    models(&room, &["push", &archive, "annex"]);
+    models(&store, &["push", &archive, "annex"]);
     let defaults = |listed: &Value| {
         let default = |model: &Value| model["default"] == true;
         listed.as_array().unwrap().iter().map(default).collect::<Vec<_>>()
     };
-    assert_eq!(defaults(&models(&room, &["list"])), [false, true], "annex, lab");
-    models(&room, &["default", "annex"]);
-    assert_eq!(defaults(&models(&room, &["list"])), [true, false]);
+    assert_eq!(defaults(&models(&store, &["list"])), [false, true], "annex, lab");
+    models(&store, &["default", "annex"]);
+    assert_eq!(defaults(&models(&store, &["list"])), [true, false]);
     // What is published is there, whatever the file of the default model says.
     fs::write(path(&folder, "models/default.json"), "{").unwrap();
-    assert_eq!(models(&room, &["push", &archive, "annex"])["version"], 2);
+    assert_eq!(models(&store, &["push", &archive, "annex"])["version"], 2);
 }
 
 /// Kills the service when the test ends.
@@ -148,11 +148,11 @@ fn models_come_and_go_in_a_running_service() {
 fn verify_tells_versions_that_would_not_serve() {
     let folder = TempDir::new().unwrap();
     let repository = path(&folder, "models");
-    let room = ["--models", &repository];
+    let store = ["--models", &repository];
     for version in ["lab/1", "lab/2"] {
-        models(&room, &["push", &LAB.model(), version]);
+        models(&store, &["push", &LAB.model(), version]);
     }
-    let verdicts = models(&room, &["verify"]);
+    let verdicts = models(&store, &["verify"]);
     assert_eq!(verdicts[0]["golden_frames"], 3, "{verdicts}");
     let list = Path::new(&repository).join("lab/2/golden/golden.json");
     let swapped = fs::read_to_string(&list).unwrap().replace("\"place\": \"dots\"", "\"place\": \"bars\"");
@@ -160,10 +160,10 @@ fn verify_tells_versions_that_would_not_serve() {
     let told = roomsight(&["models", "--models", &repository, "verify"]);
     assert_eq!(told.code, FAILED);
     assert!(told.out.contains("dots.png: this golden frame") && told.err.contains("1 of 2"), "{}", told.out);
-    assert_eq!(models(&room, &["verify", "lab/1"]).as_array().unwrap().len(), 1);
+    assert_eq!(models(&store, &["verify", "lab/1"]).as_array().unwrap().len(), 1);
     let error = refused(FAILED, &["models", "--models", &repository, "activate", "lab/2"]);
     assert!(error.contains("golden frame"), "{error}");
-    assert_eq!(models(&room, &["show", "lab"])["serving"], Value::Null);
+    assert_eq!(models(&store, &["show", "lab"])["serving"], Value::Null);
 }
 
 #[test]
@@ -231,25 +231,25 @@ fn a_worse_model_is_published_only_where_that_is_wanted() {
 fn wrong_models_and_names_are_refused_with_a_reason() {
     let folder = TempDir::new().unwrap();
     let repository = path(&folder, "models");
-    let room = ["models", "--models", &repository];
+    let store = ["models", "--models", &repository];
     let empty = path(&folder, "empty");
     fs::create_dir(&empty).unwrap();
-    let error = refused(FAILED, &[&room[..], &["push", &empty, "lab"]].concat());
+    let error = refused(FAILED, &[&store[..], &["push", &empty, "lab"]].concat());
     assert!(error.contains("holds no model"), "{error}");
-    done(&[&room[..], &["push", &LAB.model(), "lab/3"]].concat());
-    let error = refused(FAILED, &[&room[..], &["push", &LAB.model(), "lab/3"]].concat());
+    done(&[&store[..], &["push", &LAB.model(), "lab/3"]].concat());
+    let error = refused(FAILED, &[&store[..], &["push", &LAB.model(), "lab/3"]].concat());
     assert!(error.contains("exists already"), "{error}");
-    let error = refused(WRONG_USAGE, &[&room[..], &["activate", "lab"]].concat());
+    let error = refused(WRONG_USAGE, &[&store[..], &["activate", "lab"]].concat());
     assert!(error.contains("\"lab\" is no name"), "{error}");
     for number in ["007", "+7", "18446744073709551615"] {
         let error =
-            refused(WRONG_USAGE, &[&room[..], &["push", &LAB.model(), &format!("lab/{number}")]].concat());
+            refused(WRONG_USAGE, &[&store[..], &["push", &LAB.model(), &format!("lab/{number}")]].concat());
         assert!(error.contains("such as 7"), "{error}");
     }
-    done(&[&room[..], &["push", &LAB.model(), "lab/18446744073709551614"]].concat());
-    let error = refused(FAILED, &[&room[..], &["push", &LAB.model(), "lab"]].concat());
+    done(&[&store[..], &["push", &LAB.model(), "lab/18446744073709551614"]].concat());
+    let error = refused(FAILED, &[&store[..], &["push", &LAB.model(), "lab"]].concat());
     assert!(error.contains("no number is left"), "{error}");
-    let error = refused(WRONG_USAGE, &[&room[..], &["show", "../lab"]].concat());
+    let error = refused(WRONG_USAGE, &[&store[..], &["show", "../lab"]].concat());
     assert!(error.contains("NAME/VERSION"), "{error}");
     let error = refused(FAILED, &["models", "--models", &path(&folder, "missing"), "list"]);
     assert!(error.contains("missing"), "{error}");

@@ -1,6 +1,6 @@
-//! A `frames.csv` manifest: the columns `file,room,sequence,camera,split`, found by name.
+//! A `frames.csv` manifest: the columns `file,place,sequence,camera,split`, found by name.
 //!
-//! `file` is relative to the manifest. Only `file` and `room` must be there; other columns are
+//! `file` is relative to the manifest. Only `file` and `place`, the room, must be there; other columns are
 //! ignored. A row with an empty place is counted as unlabeled. The camera defaults to perspective.
 //!
 //! Columns are separated as the headings are: by commas, semicolons or tabs. Headings and cameras may be

@@ -34,7 +34,7 @@ pub enum Forgotten<'a> {
     /// All frames of a drive.
     Drive(&'a str),
     /// All frames of a room, and the room.
-    Place(&'a str),
+    Room(&'a str),
 }
 
 impl Model {
@@ -119,7 +119,7 @@ impl Model {
         }
         let goes = |frame_idx: usize| match forgotten {
             Forgotten::Drive(drive) => self.learned.drive(frame_idx) == drive,
-            Forgotten::Place(room) => self.rooms[self.learned.labels[frame_idx]] == room,
+            Forgotten::Room(room) => self.rooms[self.learned.labels[frame_idx]] == room,
         };
         let is_left: Vec<bool> = (0..self.learned.n_frames()).map(|frame_idx| !goes(frame_idx)).collect();
         if is_left.iter().all(|&is_left| is_left) {
@@ -161,7 +161,7 @@ impl Model {
                     (0..self.learned.n_frames()).map(|frame_idx| self.learned.drive(frame_idx)).collect();
                 ("drive", drive, Vec::from_iter(drives))
             }
-            Forgotten::Place(room) => ("room", room, self.rooms.iter().map(String::as_str).collect()),
+            Forgotten::Room(room) => ("room", room, self.rooms.iter().map(String::as_str).collect()),
         };
         let learned = if known == [""] {
             "its frames came without the names of their drives".to_owned()

@@ -111,7 +111,7 @@ fn it_learns_more_rooms_and_forgets_them() {
     for (room, name) in ROOMS.iter().enumerate() {
         assert_eq!(&answer(&larger, room, 9).0, name);
     }
-    let smaller = larger.without(Forgotten::Place("green")).unwrap();
+    let smaller = larger.without(Forgotten::Room("green")).unwrap();
     assert_eq!(smaller.rooms(), ["blue", "red"]);
     assert_eq!([0, 2].map(|room| answer(&smaller, room, 9).0), ["red", "blue"]);
 }

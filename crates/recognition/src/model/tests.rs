@@ -231,7 +231,7 @@ fn the_nearest_frames_tell_where_a_frame_was_taken() {
         let PoseEstimate { pose, radius } = estimate.unwrap();
         assert!(pose.x.abs() < 1.0 && (pose.angle - 1.0).abs() < 1e-6 && radius < 15.0, "{pose:?} {radius}");
     }
-    let left = model.without(Forgotten::Place("bars")).unwrap();
+    let left = model.without(Forgotten::Room("bars")).unwrap();
     assert!((left.pose(&unseen.features).unwrap().pose.x).abs() < 1.0);
 }
 

@@ -148,7 +148,7 @@ fn a_memory_learns_forgets_and_comes_back_from_its_file() {
     let left = back.without(Forgotten::Drive("b")).unwrap();
     assert!(left.classification.n_kept() < back.classification.n_kept());
     assert!(n_right(&left, &unseen) > 50);
-    let without_dots = left.without(Forgotten::Place("dots")).unwrap();
+    let without_dots = left.without(Forgotten::Room("dots")).unwrap();
     assert_eq!(without_dots.rooms(), ["bars", "stripes"]);
     let bytes = without_dots.to_bytes().unwrap();
     assert_eq!(Model::from_bytes(&bytes).unwrap().to_bytes().unwrap(), bytes);
@@ -167,7 +167,7 @@ fn a_drive_or_a_room_is_forgotten() {
     let again = add(&without_drive, &all[24..48], 0.0).unwrap().model;
     assert_eq!(n_right(&again, &unseen), n_right(&model, &unseen));
 
-    let without_dots = model.without(Forgotten::Place("dots")).unwrap();
+    let without_dots = model.without(Forgotten::Room("dots")).unwrap();
     assert_eq!(without_dots.rooms(), ["bars", "stripes"]);
     let others: Vec<Sample> = unseen.iter().filter(|sample| sample.room != "dots").cloned().collect();
     assert!(n_right(&without_dots, &others) > 35);
@@ -176,8 +176,8 @@ fn a_drive_or_a_room_is_forgotten() {
 
     let refusal = |model: &Model, forgotten| model.without(forgotten).unwrap_err().to_string();
     assert!(refusal(&model, Forgotten::Drive("z")).contains("it has learned a, b, c"));
-    assert!(refusal(&model, Forgotten::Place("attic")).contains("bars, dots, stripes"));
-    assert!(refusal(&without_dots, Forgotten::Place("bars")).contains("1 rooms only"));
+    assert!(refusal(&model, Forgotten::Room("attic")).contains("bars, dots, stripes"));
+    assert!(refusal(&without_dots, Forgotten::Room("bars")).contains("1 rooms only"));
     let kernel = train(&all, &kernel_svm());
     assert!(refusal(&kernel, Forgotten::Drive("a")).contains("kernel_svm"));
 }
