@@ -26,7 +26,7 @@ ADVISORIES := https://github.com/RustSec/advisory-db
 VENV := target/python
 STAMP := $(VENV)/.installed
 
-.PHONY: help demo test networks bench fuzz deny tools test-python
+.PHONY: help demo test networks bench fuzz deny tools test-python arm
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
@@ -78,6 +78,16 @@ deny: tools ## licenses, sources and doubles of the dependencies, and what is kn
 	  then cargo deny check advisories; \
 	  else echo "LEFT OUT: what is known against the dependencies. It takes the database at $(ADVISORIES)." >&2; fi; \
 	fi
+
+# There the plain loops run, and golden frames must get the same answers. ONNX Runtime is of this machine, so that networks are left out.
+ARM := aarch64-unknown-linux-gnu
+
+arm: tools ## the core's tests on another architecture, under qemu
+	@command -v qemu-aarch64-static >/dev/null && command -v aarch64-linux-gnu-gcc >/dev/null && rustc --print target-libdir --target $(ARM) | xargs test -d || \
+	  { echo "What it takes is missing: qemu-user-static, gcc-aarch64-linux-gnu, libc6-dev-arm64-cross, and \`rustup target add $(ARM)\`." >&2; exit 1; }
+	CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc \
+	CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /usr/aarch64-linux-gnu" \
+	  cargo test --target $(ARM) -p roomsight-vision -p roomsight-recognition --lib -- --skip network
 
 bench: tools ## milliseconds a frame, step by step
 	cargo bench $(ARGS)
