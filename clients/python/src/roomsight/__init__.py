@@ -15,7 +15,7 @@
 
 from .aio import AsyncClient, AsyncEvents, AsyncStream
 from .client import Client, Events, Stream
-from .errors import ConnectionLost, ProtocolError, Refused, RoomsightError
+from .errors import ConnectionLost, Problem, ProtocolError, Refused, ResumePoint, RoomsightError
 from .events import AnswerEvent, Event, Lost, OtherEvent, RobotJoined, RobotLeft, ServingChanged
 from .messages import (
     Configured,
@@ -27,7 +27,6 @@ from .messages import (
     ModelChanged,
     Notice,
     Result,
-    ResumePoint,
     StreamLimits,
     StreamSettings,
 )
@@ -44,7 +43,6 @@ from .types import (
     NearestFrame,
     Network,
     PastAnswer,
-    Problem,
     Robot,
     RoomProbability,
     Shadow,

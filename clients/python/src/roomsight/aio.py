@@ -17,9 +17,9 @@ from websockets.typing import Subprotocol
 from . import calls, messages
 from .calls import DEFAULT_URL, PATIENCE_S, Archive, Frame
 from .closing import AsyncClosing
-from .errors import ConnectionLost, RoomsightError
+from .errors import ConnectionLost, ResumePoint, RoomsightError
 from .events import Event, read_event
-from .messages import Hello, Message, Position, ResumePoint
+from .messages import Hello, Message, Position
 from .types import Answer, Model, ModelList, Robot, RobotList, Version
 
 

@@ -12,9 +12,9 @@ from urllib.parse import quote
 import httpx
 from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
 
-from .errors import ConnectionLost, ProtocolError, Refused, RoomsightError
-from .messages import Hello, ResumePoint, read_message
-from .types import Problem, decode
+from .errors import ConnectionLost, Problem, ProtocolError, Refused, ResumePoint, RoomsightError
+from .messages import Hello, read_message
+from .types import decode
 
 T = TypeVar("T")
 

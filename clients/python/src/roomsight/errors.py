@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-import typing
+from dataclasses import dataclass
 from typing import Optional
 
-if typing.TYPE_CHECKING:
-    from .messages import ResumePoint
-    from .types import Problem
+
+@dataclass(frozen=True)
+class Problem:
+    """An error as the service tells it (RFC 9457): ``detail`` says what to do about it."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    request_id: str
+
+
+@dataclass(frozen=True)
+class ResumePoint:
+    """Where a stream can go on after its connection broke; ``last_seq`` is the last frame answered."""
+
+    session: str
+    last_seq: Optional[int] = None
 
 
 class RoomsightError(Exception):

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import Any, Optional, Union
 from urllib.parse import urlencode
 
-from .errors import ProtocolError
-from .types import Answer, Filtered, ModelName, Problem, decode
+from .errors import Problem, ProtocolError, ResumePoint
+from .types import Answer, Filtered, ModelName, decode
 
 SUBPROTOCOL = "roomsight.v1"
 
@@ -164,14 +164,6 @@ _KINDS: dict[str, Any] = {
     "model_changed": ModelChanged,
     "draining": Draining,
 }
-
-
-@dataclass(frozen=True)
-class ResumePoint:
-    """Where a stream can go on after its connection broke; ``last_seq`` is the last frame answered."""
-
-    session: str
-    last_seq: Optional[int] = None
 
 
 def read_message(text: Union[str, bytes]) -> Message:

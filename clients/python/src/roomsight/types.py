@@ -113,17 +113,6 @@ class Filtered:
 
 
 @dataclass(frozen=True)
-class Problem:
-    """An error as the service tells it (RFC 9457): ``detail`` says what to do about it."""
-
-    type: str
-    title: str
-    status: int
-    detail: str
-    request_id: str
-
-
-@dataclass(frozen=True)
 class Network:
     """A network that a model looks through: its ONNX file has ``bytes`` bytes and the digest ``blake3``."""
 
