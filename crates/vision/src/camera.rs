@@ -117,21 +117,25 @@ impl View {
     }
 
     /// The frame's width in pixels.
+    #[inline]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// The frame's height in pixels.
+    #[inline]
     pub fn height(&self) -> usize {
         self.height
     }
 
     /// Whether the left and right edges of the frame meet.
+    #[inline]
     pub fn wraps(&self) -> bool {
         self.projection == Projection::Equirectangular
     }
 
     /// A column in the frame: where the edges meet, one beyond an edge is moved by whole turns.
+    #[inline]
     pub fn column(&self, x: f32) -> f32 {
         if self.wraps() { x.rem_euclid(self.width as f32) } else { x }
     }
@@ -139,6 +143,7 @@ impl View {
     /// Whether all pixels nearer than `margin` to (x, y) are valid.
     ///
     /// In masked frames the square round the circle must be valid.
+    #[inline]
     pub fn contains(&self, x: f32, y: f32, margin: f32) -> bool {
         self.in_frame(x, y, margin)
             && self.in_mirror(x, y, margin)

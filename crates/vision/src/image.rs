@@ -164,6 +164,7 @@ impl Image {
 
     /// Red, green and blue of each pixel, row after row: three bytes a pixel, sRGB where the file says nothing
     /// else. `None` where they were not asked for, of a gray picture, and after shrinking.
+    #[inline]
     pub fn colors(&self) -> Option<&[u8]> {
         self.colors.as_deref()
     }
@@ -190,21 +191,25 @@ impl Image {
     }
 
     /// Width in pixels, at least 1.
+    #[inline]
     pub fn width(&self) -> usize {
         self.width
     }
 
     /// Height in pixels, at least 1.
+    #[inline]
     pub fn height(&self) -> usize {
         self.height
     }
 
     /// All pixels, row after row.
+    #[inline]
     pub fn pixels(&self) -> &[u8] {
         &self.pixels
     }
 
     /// The pixels of row `y`. Panics when `y` is not below the height.
+    #[inline]
     pub fn row(&self, y: usize) -> &[u8] {
         &self.pixels[y * self.width..][..self.width]
     }

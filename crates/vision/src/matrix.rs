@@ -25,42 +25,50 @@ impl Matrix {
     }
 
     /// The number of rows.
+    #[inline]
     pub fn n_rows(&self) -> usize {
         self.data.len().checked_div(self.n_cols).unwrap_or(0)
     }
 
     /// The number of columns.
+    #[inline]
     pub fn n_cols(&self) -> usize {
         self.n_cols
     }
 
     /// Row `row_idx`. Panics when there is no such row.
+    #[inline]
     pub fn row(&self, row_idx: usize) -> &[f32] {
         &self.data[row_idx * self.n_cols..][..self.n_cols]
     }
 
     /// Row `row_idx`, to write to. Panics when there is no such row.
+    #[inline]
     pub fn row_mut(&mut self, row_idx: usize) -> &mut [f32] {
         &mut self.data[row_idx * self.n_cols..][..self.n_cols]
     }
 
     /// All rows in order.
+    #[inline]
     pub fn rows(&self) -> impl ExactSizeIterator<Item = &[f32]> {
         self.data.chunks_exact(self.n_cols.max(1))
     }
 
     /// Appends a row. Panics when its length is not [`Matrix::n_cols`].
+    #[inline]
     pub fn push_row(&mut self, row: &[f32]) {
         assert_eq!(row.len(), self.n_cols, "a row of another width");
         self.data.extend_from_slice(row);
     }
 
     /// The numbers, row after row.
+    #[inline]
     pub fn as_slice(&self) -> &[f32] {
         &self.data
     }
 
     /// The numbers, row after row, to write to.
+    #[inline]
     pub fn as_mut_slice(&mut self) -> &mut [f32] {
         &mut self.data
     }

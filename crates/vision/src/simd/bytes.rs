@@ -58,6 +58,7 @@ impl ByteRows {
     }
 
     /// The number of rows.
+    #[inline]
     pub fn n_rows(&self) -> usize {
         self.squared_lengths.len()
     }
@@ -110,6 +111,7 @@ impl ByteColumns {
     }
 
     /// The number of blocks.
+    #[inline]
     pub fn n_blocks(&self) -> usize {
         self.squared_lengths.len()
     }
@@ -118,6 +120,7 @@ impl ByteColumns {
     ///
     /// # Panics
     /// When there is no such column.
+    #[inline]
     pub fn set(&mut self, column_idx: usize, values: &[i8]) {
         let (block_idx, lane) = (column_idx / COLUMN_BLOCK, column_idx % COLUMN_BLOCK);
         let block = &mut self.blocks[block_idx * self.n_quads..][..self.n_quads];
@@ -134,6 +137,7 @@ impl ByteColumns {
     ///
     /// # Panics
     /// When there is no such column.
+    #[inline]
     pub fn get(&self, column_idx: usize, values: &mut [i8]) {
         let (block_idx, lane) = (column_idx / COLUMN_BLOCK, column_idx % COLUMN_BLOCK);
         let block = &self.blocks[block_idx * self.n_quads..][..self.n_quads];
@@ -166,6 +170,7 @@ impl Nearest {
     ///
     /// # Panics
     /// When there is no such row.
+    #[inline]
     pub fn of(&self, row_idx: usize) -> impl Iterator<Item = (u32, u32)> {
         let keys = &self.keys[row_idx * self.n_kept..][..self.n_kept];
         keys.iter().take_while(|&&key| key != NONE).map(|&key| ((key >> 32) as u32, key as u32))
