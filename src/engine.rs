@@ -35,7 +35,7 @@ pub mod watch;
 use crate::access::Keyring;
 use crate::repository::Repository;
 use crate::settings::Settings;
-use bodies::{Bodies, Limits};
+use bodies::{Bodies, BodyLimits};
 use events::Events;
 use metrics::Metrics;
 use pool::{Pool, Size};
@@ -91,7 +91,7 @@ impl Engine {
         let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
         let registry = Registry::open(repository, &settings, events.clone(), metrics.clone())?;
         let body_memory = Arc::new(Semaphore::new(settings.max_buffered_bytes));
-        let bodies = Bodies::new(body_memory.clone(), Limits::of(&settings));
+        let bodies = Bodies::new(body_memory.clone(), BodyLimits::of(&settings));
         Ok(Self(Arc::new(EngineState {
             keyring: Keyring::new(&settings.keys)?,
             registry,

@@ -31,7 +31,7 @@ pub use change::{Change, Role};
 pub use default::DefaultModel;
 pub use fingerprint::Fingerprint;
 pub use folder::Folder;
-pub use record::{Canary, Record, RecordError};
+pub use record::{Canary, RecordError, ServingRecord};
 pub use single::Single;
 
 use roomsight_protocol::version_id::{VersionId, VersionIdError};
@@ -70,7 +70,7 @@ pub struct Listing {
     /// Its versions by number.
     pub versions: BTreeMap<u64, Fingerprint>,
     /// What is to serve.
-    pub record: Record,
+    pub record: ServingRecord,
 }
 
 /// Why a repository does not do what was asked.
@@ -95,7 +95,7 @@ pub enum RepositoryError {
     ReadOnly(PathBuf),
     /// A record that says nothing sensible.
     #[error("the record of what serves, {path}, cannot be read: {reason}; correct or remove it")]
-    Record { path: PathBuf, reason: String },
+    ServingRecord { path: PathBuf, reason: String },
     /// Somebody else has said what is to serve since it was read.
     #[error("what serves of {name} was changed meanwhile, its epoch is {epoch}: look again, then decide")]
     Overtaken { name: String, epoch: u64 },
@@ -232,9 +232,9 @@ impl Repository {
     }
 
     /// What is to serve of a model; the default where nothing was said yet.
-    pub fn record(&self, name: &str) -> Result<Record, RepositoryError> {
+    pub fn record(&self, name: &str) -> Result<ServingRecord, RepositoryError> {
         match self {
-            Self::Single(_) => Ok(Record::default()),
+            Self::Single(_) => Ok(ServingRecord::default()),
             Self::Folder(folder) => folder.record(name),
             Self::Bucket(bucket) => bucket.record(name),
         }
@@ -242,7 +242,7 @@ impl Repository {
 
     /// Says what is to serve of a model: a record one or more epochs later than the one that is there. When
     /// this returns it is on the disk.
-    pub fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
+    pub fn write_record(&self, name: &str, record: &ServingRecord) -> Result<(), RepositoryError> {
         match self {
             Self::Single(single) => Err(single.read_only()),
             Self::Folder(folder) => folder.write_record(name, record),
@@ -271,7 +271,7 @@ impl Repository {
 }
 
 /// Whether a record may take the place of the one that is there.
-fn check_later(name: &str, record: &Record, current: &Record) -> Result<(), RepositoryError> {
+fn check_later(name: &str, record: &ServingRecord, current: &ServingRecord) -> Result<(), RepositoryError> {
     if record.epoch > current.epoch {
         return Ok(());
     }

@@ -94,7 +94,7 @@ fn check_upload(body: &[u8]) {
     let (file, into) = (room.path().join("body"), room.path().join("into"));
     fs::write(&file, body).expect("room for a small file");
     fs::create_dir(&into).expect("room for a folder");
-    let limits = package::Limits {
+    let limits = package::PackageLimits {
         max_entries: 16,
         max_bytes: 4 << 20,
         max_model_bytes: 1 << 20,

@@ -32,7 +32,7 @@ pub struct NoMemory(pub QueueFull);
 pub struct Bodies {
     /// One permit for each byte.
     memory: Arc<Semaphore>,
-    limits: Limits,
+    limits: BodyLimits,
     /// How long a body must not have moved before any other may have its bytes.
     stalled_after: Duration,
     state: Mutex<State>,
@@ -42,7 +42,7 @@ pub struct Bodies {
 
 /// How many bytes may be held.
 #[derive(Clone, Copy, Debug)]
-pub struct Limits {
+pub struct BodyLimits {
     /// By all bodies; what is left of the memory is for frames of streams.
     pub all: usize,
     /// By the bodies of one caller.
@@ -81,7 +81,7 @@ enum Short {
     All,
 }
 
-impl Limits {
+impl BodyLimits {
     /// Three quarters of all bytes, so that frames of streams, unfinished ones of which have a quarter, are not
     /// stopped by requests. The longest body always fits.
     pub fn of(settings: &Settings) -> Self {
@@ -93,7 +93,7 @@ impl Limits {
 
 impl Bodies {
     /// Bodies in this memory, which has a permit for each byte.
-    pub fn new(memory: Arc<Semaphore>, limits: Limits) -> Self {
+    pub fn new(memory: Arc<Semaphore>, limits: BodyLimits) -> Self {
         Self { memory, limits, stalled_after: STALLED, state: Mutex::default(), freed: Notify::new() }
     }
 
@@ -184,7 +184,7 @@ impl Held {
     fn try_take(&mut self, n_bytes: usize) -> Result<(), Short> {
         let mut state = self.bodies.state();
         let held = state.bytes_by_caller.get(&self.caller).copied().unwrap_or_default();
-        let Limits { all, one_caller } = self.bodies.limits;
+        let BodyLimits { all, one_caller } = self.bodies.limits;
         if held + n_bytes > one_caller {
             return Err(Short::Share);
         }
@@ -242,7 +242,7 @@ mod tests {
 
     fn bodies(n_bytes: usize, one_caller: usize) -> Bodies {
         let memory = Arc::new(Semaphore::new(n_bytes));
-        let limits = Limits { all: n_bytes, one_caller };
+        let limits = BodyLimits { all: n_bytes, one_caller };
         Bodies { stalled_after: Duration::MAX, ..Bodies::new(memory, limits) }
     }
 
@@ -285,7 +285,7 @@ mod tests {
     #[tokio::test]
     async fn bodies_leave_memory_to_others() {
         let memory = Arc::new(Semaphore::new(100));
-        let bodies = Arc::new(Bodies::new(memory.clone(), Limits { all: 75, one_caller: 50 }));
+        let bodies = Arc::new(Bodies::new(memory.clone(), BodyLimits { all: 75, one_caller: 50 }));
         let (_one, mut other) = (body(&bodies, "a", 50).await, body(&bodies, "b", 20).await);
         assert_eq!(other.take(10, 30).await, Err(no_memory(Short::All)));
         assert_eq!(memory.available_permits(), 30);

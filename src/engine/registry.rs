@@ -34,7 +34,7 @@ pub use table::{CANARY, Choice, PREVIOUS, SHADOW, STABLE, Serving};
 
 use crate::engine::events::Events;
 use crate::engine::metrics::Metrics;
-use crate::repository::{DefaultModel, Record, Repository, Role};
+use crate::repository::{DefaultModel, Repository, Role, ServingRecord};
 use crate::settings::Policy;
 use arc_swap::{ArcSwap, Guard};
 use roomsight_recognition::model::NetworkStore;
@@ -71,7 +71,7 @@ pub struct Registry {
 /// What is known beside what serves.
 #[derive(Default)]
 struct Book {
-    models: BTreeMap<String, Entry>,
+    models: BTreeMap<String, RegisteredModel>,
     /// What was said of the default model; with the epoch 0, what was taken where nothing could be written.
     default: Option<DefaultModel>,
     /// What was reported of the repository, so that it is reported once.
@@ -79,9 +79,9 @@ struct Book {
 }
 
 #[derive(Clone, Debug, Default)]
-pub struct Entry {
+pub struct RegisteredModel {
     /// What is to serve.
-    pub record: Record,
+    pub record: ServingRecord,
     pub versions: BTreeMap<u64, Version>,
     /// What served at the start in the place of the stable version, which did not work.
     fallback: Option<u64>,
@@ -141,14 +141,14 @@ impl Registry {
     }
 
     /// All models, as they are now.
-    pub fn entries(&self) -> BTreeMap<String, Entry> {
+    pub fn entries(&self) -> BTreeMap<String, RegisteredModel> {
         let mut book = self.book();
-        book.models.values_mut().for_each(Entry::settle);
+        book.models.values_mut().for_each(RegisteredModel::settle);
         book.models.clone()
     }
 
     /// One model, as it is now.
-    pub fn entry(&self, name: &str) -> Result<Entry, LookupError> {
+    pub fn entry(&self, name: &str) -> Result<RegisteredModel, LookupError> {
         let mut book = self.book();
         let entry = book.models.get_mut(name).ok_or_else(|| LookupError::NoModel(name.to_owned()))?;
         entry.settle();
@@ -170,7 +170,7 @@ impl Registry {
     }
 }
 
-impl Entry {
+impl RegisteredModel {
     /// One version of the model, whose name is for the message.
     pub fn version(&self, name: &str, version: u64) -> Result<&Version, LookupError> {
         self.versions.get(&version).ok_or_else(|| LookupError::NoVersion(name.to_owned(), version))

@@ -12,7 +12,7 @@ use std::time::Instant;
 const N_ANSWERS: usize = 16;
 
 /// What dashboards may know of one stream; written by its task, read by anyone.
-pub struct Record {
+pub struct RobotRecord {
     /// Its public name: nobody can resume the stream by it.
     stream: String,
     /// What opened it.
@@ -44,7 +44,7 @@ struct Told {
     at: Instant,
 }
 
-impl Record {
+impl RobotRecord {
     /// Of a stream that begins, opened with a key where there are keys.
     pub fn new(stream: String, key: Option<Arc<Key>>) -> Self {
         Self { stream, key, began: Instant::now(), known: Mutex::default() }

@@ -38,10 +38,10 @@ mod wire;
 use crate::access::Key;
 use crate::engine::Engine;
 use crate::engine::caller::CallerId;
-use crate::engine::robots::Record;
+use crate::engine::robots::RobotRecord;
 use crate::settings::Settings;
 use hyper::upgrade::OnUpgrade;
-use inbox::{Inbox, Limits};
+use inbox::{Inbox, MessageLimits};
 use intake::Intake;
 use permits::{NoPermit, Permit, Permits};
 use roomsight_protocol::stream::{StreamQuery, StreamSettings};
@@ -87,7 +87,7 @@ impl Streams {
     }
 
     /// What dashboards may know, the stream that began first first.
-    pub fn records(&self) -> Vec<Arc<Record>> {
+    pub fn records(&self) -> Vec<Arc<RobotRecord>> {
         self.permits.records()
     }
 
@@ -109,7 +109,7 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
         Ok(upgraded) => upgraded,
         Err(error) => return tracing::debug!(%error, "a connection did not become a stream"),
     };
-    let limits = Limits {
+    let limits = MessageLimits {
         max_bytes: engine.settings.max_frame_bytes,
         message_timeout: engine.settings.stream_message_timeout(),
     };
@@ -133,7 +133,7 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
             return arrival.socket.close(Close::Full).await;
         }
     };
-    let record = Arc::new(Record::new(stream.clone(), key));
+    let record = Arc::new(RobotRecord::new(stream.clone(), key));
     let identity = Identity { session: session.clone(), stream: stream.clone(), caller: id };
     let conversation = match Session::new(engine.clone(), identity, settings, record.clone()) {
         Ok(conversation) => conversation,

@@ -21,10 +21,10 @@ mod remote;
 #[cfg(test)]
 mod tests;
 
-use super::package::{self, Limits, is_file_of_version, is_network};
+use super::package::{self, PackageLimits, is_file_of_version, is_network};
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
 use super::{
-    DefaultModel, Fingerprint, Folder, Listing, Record, RepositoryError, Scan, check_default_later,
+    DefaultModel, Fingerprint, Folder, Listing, RepositoryError, Scan, ServingRecord, check_default_later,
     check_later, io_error,
 };
 use object_store::PutMode;
@@ -202,18 +202,18 @@ impl Bucket {
         Ok(())
     }
 
-    pub(super) fn record(&self, name: &str) -> Result<Record, RepositoryError> {
+    pub(super) fn record(&self, name: &str) -> Result<ServingRecord, RepositoryError> {
         Ok(self.read_record(name)?.0)
     }
 
     /// The record, and how another one takes its place as long as nobody else's has.
-    fn read_record(&self, name: &str) -> Result<(Record, PutMode), RepositoryError> {
+    fn read_record(&self, name: &str) -> Result<(ServingRecord, PutMode), RepositoryError> {
         check_name(name)?;
-        let (record, mode) = self.read(&format!("{name}/{RECORD_FILE}"), Record::from_json)?;
+        let (record, mode) = self.read(&format!("{name}/{RECORD_FILE}"), ServingRecord::from_json)?;
         Ok((record.unwrap_or_default(), mode))
     }
 
-    pub(super) fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
+    pub(super) fn write_record(&self, name: &str, record: &ServingRecord) -> Result<(), RepositoryError> {
         let (current, mode) = self.read_record(name)?;
         check_later(name, record, &current)?;
         let path = format!("{name}/{RECORD_FILE}");
@@ -247,7 +247,8 @@ impl Bucket {
         let Some((json, version)) = self.remote.read(path, MAX_RECORD_BYTES)? else {
             return Ok((None, PutMode::Create));
         };
-        let parsed = parse(&json).map_err(|reason| RepositoryError::Record { path: path.into(), reason })?;
+        let parsed =
+            parse(&json).map_err(|reason| RepositoryError::ServingRecord { path: path.into(), reason })?;
         Ok((Some(parsed), PutMode::Update(version)))
     }
 
@@ -294,7 +295,7 @@ impl Bucket {
             let Some(listing) = scan.models.get_mut(&name) else { continue };
             match self.record(&name) {
                 Ok(record) => listing.record = record,
-                Err(error @ RepositoryError::Record { .. }) => {
+                Err(error @ RepositoryError::ServingRecord { .. }) => {
                     scan.foreign.insert(format!("{name}/{RECORD_FILE}: {error}"));
                 }
                 Err(error) => return Err(error),
@@ -303,7 +304,7 @@ impl Bucket {
         if names_default {
             match self.default_model() {
                 Ok(default) => scan.default = default,
-                Err(error @ RepositoryError::Record { .. }) => {
+                Err(error @ RepositoryError::ServingRecord { .. }) => {
                     scan.foreign.insert(format!("{DEFAULT_FILE}: {error}"));
                 }
                 Err(error) => return Err(error),
@@ -325,7 +326,7 @@ impl Bucket {
 
     fn download(&self, id: &VersionId, files: &Files, into: &Path) -> Result<(), RepositoryError> {
         let damaged = |reason: String| RepositoryError::Damaged { id: id.clone(), reason };
-        let limits = Limits::default();
+        let limits = PackageLimits::default();
         let files: Files = files.iter().filter(|object| is_file_of_version(&object.path)).cloned().collect();
         if files.len() > limits.max_entries {
             return Err(damaged(format!("it has more than {} files", limits.max_entries)));

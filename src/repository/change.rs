@@ -1,6 +1,6 @@
 //! What an operator may want of a model, as a step from one record to the next.
 
-use super::record::{Canary, Record, RecordError};
+use super::record::{Canary, RecordError, ServingRecord};
 
 /// What is to serve instead.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +43,7 @@ impl Change {
     ///
     /// # Errors
     /// A rollback to nothing, a share out of range, a second label for the stable version.
-    pub fn of(self, record: &Record) -> Result<Record, RecordError> {
+    pub fn of(self, record: &ServingRecord) -> Result<ServingRecord, RecordError> {
         match self {
             Self::Activate(version) => Ok(record.activated(version)),
             Self::Rollback => record.rolled_back(),
@@ -56,7 +56,7 @@ impl Change {
     }
 
     /// The version that must work for the change to take effect, by the changed record.
-    pub fn wants(self, record: &Record) -> Option<u64> {
+    pub fn wants(self, record: &ServingRecord) -> Option<u64> {
         match self {
             Self::Activate(_) | Self::Rollback => record.stable,
             Self::Canary(canary) => canary.map(|canary| canary.version),

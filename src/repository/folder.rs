@@ -10,8 +10,8 @@
 
 use super::record::{MAX_RECORD_BYTES, RECORD_FILE};
 use super::{
-    DefaultModel, Fingerprint, Listing, Record, RepositoryError, Scan, check_default_later, check_later,
-    io_error, networks, package,
+    DefaultModel, Fingerprint, Listing, RepositoryError, Scan, ServingRecord, check_default_later,
+    check_later, io_error, networks, package,
 };
 use roomsight_protocol::version_id::{DEFAULT_FILE, VersionId, check_name, is_name, version_number};
 use roomsight_recognition::model::{self, MODEL_FILE};
@@ -134,12 +134,12 @@ impl Folder {
         Ok(())
     }
 
-    pub(super) fn record(&self, name: &str) -> Result<Record, RepositoryError> {
+    pub(super) fn record(&self, name: &str) -> Result<ServingRecord, RepositoryError> {
         check_name(name)?;
         read_record(&self.root.join(name).join(RECORD_FILE))
     }
 
-    pub(super) fn write_record(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
+    pub(super) fn write_record(&self, name: &str, record: &ServingRecord) -> Result<(), RepositoryError> {
         check_name(name)?;
         let folder = self.make_folder(name)?;
         let path = folder.join(RECORD_FILE);
@@ -302,8 +302,8 @@ fn visible(folder: &Path) -> io::Result<Vec<Entry>> {
     Ok(entries)
 }
 
-fn read_record(path: &Path) -> Result<Record, RepositoryError> {
-    read(path, Record::from_json).map(Option::unwrap_or_default)
+fn read_record(path: &Path) -> Result<ServingRecord, RepositoryError> {
+    read(path, ServingRecord::from_json).map(Option::unwrap_or_default)
 }
 
 fn read_default(path: &Path) -> Result<Option<DefaultModel>, RepositoryError> {
@@ -322,7 +322,8 @@ fn read<T>(
     };
     let mut json = Vec::new();
     file.take(MAX_RECORD_BYTES).read_to_end(&mut json).map_err(io_error(path))?;
-    let parsed = parse(&json).map_err(|reason| RepositoryError::Record { path: path.to_owned(), reason })?;
+    let parsed =
+        parse(&json).map_err(|reason| RepositoryError::ServingRecord { path: path.to_owned(), reason })?;
     Ok(Some(parsed))
 }
 

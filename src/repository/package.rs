@@ -27,7 +27,7 @@ use unpacker::Unpacker;
 
 /// What an unpacked version may take.
 #[derive(Clone, Copy, Debug)]
-pub struct Limits {
+pub struct PackageLimits {
     /// The most entries.
     pub max_entries: usize,
     /// The longest model file.
@@ -81,7 +81,7 @@ pub enum PackageError {
     },
 }
 
-impl Default for Limits {
+impl Default for PackageLimits {
     fn default() -> Self {
         Self {
             max_entries: 1024,
@@ -93,7 +93,7 @@ impl Default for Limits {
     }
 }
 
-impl Limits {
+impl PackageLimits {
     /// The longest file of this path in a version's folder.
     pub(super) fn of(&self, path: &str) -> u64 {
         match path {
@@ -154,7 +154,7 @@ fn names_in(folder: &Path, part: &str) -> io::Result<Vec<String>> {
 
 /// Writes the files of the version in `body`, a file of unknown origin, into the empty folder `into`: a tar, a
 /// tar.gz or a zip. What is no archive is taken for a bare model file. A missing `model.json` is written.
-pub fn unpack(body: &Path, into: &Path, limits: &Limits) -> Result<(), PackageError> {
+pub fn unpack(body: &Path, into: &Path, limits: &PackageLimits) -> Result<(), PackageError> {
     let mut file = File::open(body).map_err(io_error(body))?;
     let mut form = Form::of(&mut file).map_err(io_error(body))?;
     if form == Form::Gzip {
@@ -215,7 +215,7 @@ pub(super) fn is_network(path: &str) -> bool {
 }
 
 /// What was compressed, in a file without a name.
-fn inflated(file: File, body: &Path, limits: &Limits) -> Result<File, PackageError> {
+fn inflated(file: File, body: &Path, limits: &PackageLimits) -> Result<File, PackageError> {
     let folder = body.parent().unwrap_or(Path::new("."));
     let mut inflated = tempfile::tempfile_in(folder).map_err(io_error(folder))?;
     let mut from = MultiGzDecoder::new(BufReader::new(file)).take(limits.max_bytes + 1);

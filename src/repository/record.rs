@@ -14,7 +14,7 @@ pub(super) const MAX_EPOCH: u64 = u64::MAX / 2;
 /// Which versions of one model are to serve, and as what.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Record {
+pub struct ServingRecord {
     /// Counts the changes of this record.
     pub epoch: u64,
     /// The highest version that was ever given a label: only a higher one comes to serve by itself.
@@ -57,7 +57,7 @@ pub enum RecordError {
     Epoch(u64),
 }
 
-impl Record {
+impl ServingRecord {
     /// The record in which `version` is stable and what was stable is previous. A canary or shadow that
     /// becomes stable loses that label. Nothing changes where it is stable already.
     pub fn activated(&self, version: u64) -> Self {
@@ -170,17 +170,17 @@ mod tests {
 
     #[test]
     fn what_was_stable_is_previous_and_comes_back() {
-        let second = Record::default().activated(1).activated(2);
+        let second = ServingRecord::default().activated(1).activated(2);
         assert_eq!((second.stable, second.previous, second.settled, second.epoch), (Some(2), Some(1), 2, 2));
         let back = second.rolled_back().unwrap();
         assert_eq!((back.stable, back.previous, back.settled, back.epoch), (Some(1), Some(2), 2, 3));
-        assert_eq!(back.rolled_back().unwrap(), Record { epoch: 4, ..second });
-        assert_eq!(Record::default().activated(1).rolled_back(), Err(RecordError::NoPrevious));
+        assert_eq!(back.rolled_back().unwrap(), ServingRecord { epoch: 4, ..second });
+        assert_eq!(ServingRecord::default().activated(1).rolled_back(), Err(RecordError::NoPrevious));
     }
 
     #[test]
     fn what_says_nothing_new_is_no_change() {
-        let record = Record::default().activated(1).with_canary(CANARY).unwrap();
+        let record = ServingRecord::default().activated(1).with_canary(CANARY).unwrap();
         assert_eq!(record.activated(1), record);
         assert_eq!(record.with_canary(CANARY).unwrap(), record);
         assert_eq!(record.without_shadow(), record);
@@ -190,7 +190,8 @@ mod tests {
 
     #[test]
     fn a_canary_that_becomes_stable_is_canary_no_more() {
-        let tried = Record::default().activated(1).with_canary(CANARY).unwrap().with_shadow(4).unwrap();
+        let tried =
+            ServingRecord::default().activated(1).with_canary(CANARY).unwrap().with_shadow(4).unwrap();
         let won = tried.activated(3);
         assert_eq!((won.canary, won.shadow, won.previous), (None, Some(4), Some(1)));
         assert_eq!(won.activated(4).shadow, None);
@@ -198,7 +199,7 @@ mod tests {
 
     #[test]
     fn labels_that_make_no_sense_are_refused() {
-        let record = Record::default().activated(3);
+        let record = ServingRecord::default().activated(3);
         assert_eq!(record.with_canary(CANARY), Err(RecordError::Stable(3)));
         assert_eq!(record.with_shadow(3), Err(RecordError::Stable(3)));
         for share in [0.0, 1.0, -0.1, 2.0, f64::NAN] {
@@ -209,7 +210,7 @@ mod tests {
 
     #[test]
     fn a_version_in_use_is_not_let_go_and_the_label_is_named() {
-        let record = Record::default().activated(1).activated(2).with_canary(CANARY).unwrap();
+        let record = ServingRecord::default().activated(1).activated(2).with_canary(CANARY).unwrap();
         let record = record.with_shadow(4).unwrap();
         for (version, label) in [(2, "stable"), (3, "canary"), (4, "shadow")] {
             assert_eq!(record.without(version), Err(RecordError::Labeled { version, label }));
@@ -221,7 +222,7 @@ mod tests {
 
     #[test]
     fn after_unloading_a_rollback_leads_to_what_was_stable() {
-        let unloaded = Record::default().activated(1).with_canary(CANARY).unwrap().unloaded();
+        let unloaded = ServingRecord::default().activated(1).with_canary(CANARY).unwrap().unloaded();
         assert_eq!((unloaded.stable, unloaded.canary, unloaded.settled), (None, None, 3));
         let back = unloaded.rolled_back().unwrap();
         assert_eq!((back.stable, back.previous), (Some(1), None));
@@ -229,15 +230,15 @@ mod tests {
 
     #[test]
     fn a_record_comes_back_from_its_text_and_a_wrong_one_does_not() {
-        let record = Record::default().activated(2).with_canary(CANARY).unwrap();
-        assert_eq!(Record::from_json(&serde_json::to_vec(&record).unwrap()), Ok(record));
-        assert_eq!(Record::from_json(b"{}"), Ok(Record::default()));
+        let record = ServingRecord::default().activated(2).with_canary(CANARY).unwrap();
+        assert_eq!(ServingRecord::from_json(&serde_json::to_vec(&record).unwrap()), Ok(record));
+        assert_eq!(ServingRecord::from_json(b"{}"), Ok(ServingRecord::default()));
         for text in
             ["", r#"{"stable":-1}"#, r#"{"canary":{"version":3,"share":7}}"#, r#"{"stable":3,"shadow":3}"#]
         {
-            assert!(Record::from_json(text.as_bytes()).is_err(), "{text}");
+            assert!(ServingRecord::from_json(text.as_bytes()).is_err(), "{text}");
         }
-        let worn = Record::from_json(format!(r#"{{"epoch":{}}}"#, u64::MAX).as_bytes()).unwrap_err();
+        let worn = ServingRecord::from_json(format!(r#"{{"epoch":{}}}"#, u64::MAX).as_bytes()).unwrap_err();
         assert!(worn.contains("epoch"), "{worn}");
     }
 }

@@ -3,8 +3,8 @@
 use super::Target;
 use crate::cli::manners::note;
 use crate::engine::registry::network_infos;
-use crate::repository::package::{Limits, copy, unpack};
-use crate::repository::{Change, DefaultModel, Listing, Record, Repository, RepositoryError, Scan};
+use crate::repository::package::{PackageLimits, copy, unpack};
+use crate::repository::{Change, DefaultModel, Listing, Repository, RepositoryError, Scan, ServingRecord};
 use anyhow::{Context, bail, ensure};
 use roomsight_protocol::rest::{ModelInfo, VersionInfo, VersionState};
 use roomsight_protocol::version_id::VersionId;
@@ -54,7 +54,8 @@ impl Local {
     pub fn push(&self, model: &Path, name: &str, version: Option<u64>) -> anyhow::Result<VersionId> {
         let staged = self.0.stage()?;
         if model.is_file() {
-            unpack(model, staged.path(), &Limits::default()).with_context(|| model.display().to_string())?;
+            unpack(model, staged.path(), &PackageLimits::default())
+                .with_context(|| model.display().to_string())?;
         } else {
             copy(model, staged.path()).with_context(|| format!("{} holds no model", model.display()))?;
         }
@@ -202,7 +203,7 @@ impl Local {
         Ok(VersionId::after(name, listed.map_or(0, |(version, _)| *version).max(settled))?)
     }
 
-    fn record(&self, name: &str, epoch: Option<u64>) -> anyhow::Result<Record> {
+    fn record(&self, name: &str, epoch: Option<u64>) -> anyhow::Result<ServingRecord> {
         let record = self.0.record(name)?;
         if let Some(epoch) = epoch.filter(|epoch| *epoch != record.epoch) {
             bail!("the epoch of {name} is {}, not {epoch}: what serves was changed since", record.epoch);
@@ -224,7 +225,7 @@ fn model_info(name: &str, scan: &Scan) -> Option<ModelInfo> {
     })
 }
 
-fn version_info(version: u64, record: &Record) -> VersionInfo {
+fn version_info(version: u64, record: &ServingRecord) -> VersionInfo {
     let canary = record.canary.filter(|canary| canary.version == version);
     VersionInfo {
         version,

@@ -3,9 +3,11 @@
 use super::aside::aside;
 use super::state::{Loaded, State};
 use super::table::{STABLE, Table};
-use super::{ChangeError, Entry, Failure, LookupError, Registry, ServedModel, Serving, Shadow, lock};
+use super::{
+    ChangeError, Failure, LookupError, RegisteredModel, Registry, ServedModel, Serving, Shadow, lock,
+};
 use crate::engine::metrics::{SwapKind, SwapOutcome};
-use crate::repository::{Canary, Change, Record, RecordError, RepositoryError};
+use crate::repository::{Canary, Change, RecordError, RepositoryError, ServingRecord};
 use roomsight_protocol::event::Event;
 use roomsight_protocol::rest::ModelName;
 use roomsight_protocol::version_id::VersionId;
@@ -288,7 +290,7 @@ impl Registry {
 
     /// Lets a record take effect as far as its versions are in memory, or `loaded` just now. Whoever calls
     /// this holds `committing`.
-    pub(super) fn adopt(&self, name: &str, record: Record, loaded: Option<&(u64, Loaded)>) {
+    pub(super) fn adopt(&self, name: &str, record: ServingRecord, loaded: Option<&(u64, Loaded)>) {
         let mut book = self.book();
         let Some(entry) = book.models.get_mut(name) else { return };
         if let Some((version, loaded)) = loaded
@@ -348,7 +350,7 @@ impl Registry {
     }
 }
 
-impl Entry {
+impl RegisteredModel {
     /// Whether nothing was changed since a caller looked.
     fn check_epoch(&self, expected: Option<u64>) -> Result<(), ChangeError> {
         let current = self.record.epoch;
@@ -360,7 +362,7 @@ impl Entry {
 
     /// What serves by the record. Where the stable version does not work, what served before serves on.
     fn serving(&self, name: &str, before: &Serving) -> Serving {
-        let Record { stable, previous, canary, shadow, epoch, .. } = self.record.clone();
+        let ServingRecord { stable, previous, canary, shadow, epoch, .. } = self.record.clone();
         let served = |version: Option<u64>, old: Option<&Arc<ServedModel>>| {
             let version = version?;
             let Loaded { model, digest } = self.versions.get(&version)?.loaded()?.clone();

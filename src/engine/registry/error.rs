@@ -86,7 +86,7 @@ pub enum ChangeError {
     DefaultIsSet(String),
     /// The change makes no sense.
     #[error(transparent)]
-    Record(#[from] RecordError),
+    ServingRecord(#[from] RecordError),
     /// It could not be written down, so that nothing was changed.
     #[error(transparent)]
     Repository(#[from] RepositoryError),
@@ -99,7 +99,7 @@ impl ChangeError {
             Self::Lookup(error) => lookup_kind(error),
             Self::Failed(_) | Self::NotServing(_) => Kind::NotReady,
             Self::Stale { .. } => Kind::StaleEpoch,
-            Self::Superseded | Self::DefaultIsSet(_) | Self::Record(_) => Kind::Conflict,
+            Self::Superseded | Self::DefaultIsSet(_) | Self::ServingRecord(_) => Kind::Conflict,
             Self::Repository(error) => repository_kind(error),
         }
     }

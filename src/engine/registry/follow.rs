@@ -3,10 +3,10 @@
 
 use super::state::{Loaded, Version};
 use super::table::Table;
-use super::{Book, ChangeError, Entry, Registry, RegistryError, lock};
+use super::{Book, ChangeError, RegisteredModel, Registry, RegistryError, lock};
 use crate::engine::events::Events;
 use crate::engine::metrics::{Metrics, SwapKind};
-use crate::repository::{Change, Listing, Record, Repository, RepositoryError, Scan};
+use crate::repository::{Change, Listing, Repository, RepositoryError, Scan, ServingRecord};
 use crate::settings::{Policy, Settings};
 use arc_swap::ArcSwap;
 use roomsight_protocol::version_id::VersionId;
@@ -117,7 +117,7 @@ impl Registry {
         let Ok(entry) = self.entry(name) else { return };
         let record = &entry.record;
         if record.epoch == 0
-            && let Err(error @ RepositoryError::Record { .. }) = self.repository.record(name)
+            && let Err(error @ RepositoryError::ServingRecord { .. }) = self.repository.record(name)
         {
             let advice = "the highest version that works serves, if the policy is `latest`";
             tracing::error!(model = name, %error, advice, "what somebody has decided is to serve is not known");
@@ -191,7 +191,7 @@ impl Registry {
     ///
     /// # Errors
     /// Somebody else has decided meanwhile.
-    pub(super) fn keep(&self, name: &str, record: &Record) -> Result<(), RepositoryError> {
+    pub(super) fn keep(&self, name: &str, record: &ServingRecord) -> Result<(), RepositoryError> {
         match self.repository.write_record(name, record) {
             Err(overtaken @ RepositoryError::Overtaken { .. }) => return Err(overtaken),
             // One model's own folder has none.
@@ -206,13 +206,13 @@ impl Registry {
         let table = self.table();
         let serving: Vec<String> = table.stable().map(str::to_owned).collect();
         let entries = self.entries();
-        if serving.is_empty() && !entries.values().any(Entry::is_unloaded) {
+        if serving.is_empty() && !entries.values().any(RegisteredModel::is_unloaded) {
             return Err(nothing_serves(location, &entries));
         }
         let wanted = &self.default_setting;
         if wanted.is_empty()
             || serving.contains(wanted)
-            || entries.get(wanted).is_some_and(Entry::is_unloaded)
+            || entries.get(wanted).is_some_and(RegisteredModel::is_unloaded)
         {
             return Ok(());
         }
@@ -220,7 +220,7 @@ impl Registry {
     }
 }
 
-impl Entry {
+impl RegisteredModel {
     /// Writes down what the repository has of this model.
     fn note(&mut self, name: &str, Listing { versions, record }: &Listing, is_start: bool) {
         for (&number, fingerprint) in versions {
@@ -236,7 +236,7 @@ impl Entry {
     }
 
     /// Takes over what somebody else decided: later than what is known here, or at the same time, and written down.
-    pub(super) fn note_record(&mut self, record: &Record) {
+    pub(super) fn note_record(&mut self, record: &ServingRecord) {
         let is_later = record.epoch > self.record.epoch;
         if is_later || (record.epoch == self.record.epoch && record.epoch > 0) {
             self.is_followed = self.is_followed && self.record == *record;
@@ -256,7 +256,7 @@ impl Entry {
 
     /// The versions that are to be in memory, are not, and may work.
     fn untried(&self) -> Vec<u64> {
-        let Record { stable, previous, canary, shadow, .. } = &self.record;
+        let ServingRecord { stable, previous, canary, shadow, .. } = &self.record;
         let canary = canary.map(|canary| canary.version);
         let wanted = stable.iter().chain(&canary).chain(shadow).chain(previous);
         wanted
@@ -272,7 +272,7 @@ impl Entry {
     }
 }
 
-fn nothing_serves(location: &str, entries: &BTreeMap<String, Entry>) -> RegistryError {
+fn nothing_serves(location: &str, entries: &BTreeMap<String, RegisteredModel>) -> RegistryError {
     let mut failures = Vec::new();
     for (name, entry) in entries {
         for (number, version) in &entry.versions {

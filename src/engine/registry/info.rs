@@ -1,7 +1,8 @@
 //! What callers read of models and their versions.
 
 use super::{
-    CANARY, Entry, Failure, PREVIOUS, Registry, SHADOW, STABLE, ServedModel, Serving, Tally, Version,
+    CANARY, Failure, PREVIOUS, RegisteredModel, Registry, SHADOW, STABLE, ServedModel, Serving, Tally,
+    Version,
 };
 use roomsight_protocol::rest::{FailureInfo, ModelInfo, ModelName, NetworkInfo, ShadowInfo, VersionInfo};
 use roomsight_recognition::model::{Model, NetworkEntry};
@@ -22,7 +23,7 @@ impl From<&ServedModel> for ModelName {
 }
 
 /// What a caller reads of one model.
-pub fn model_info(name: &str, entry: &Entry, registry: &Registry) -> ModelInfo {
+pub fn model_info(name: &str, entry: &RegisteredModel, registry: &Registry) -> ModelInfo {
     let serving = &registry.serving(name);
     let versions = entry.versions.iter().rev();
     ModelInfo {

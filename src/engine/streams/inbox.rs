@@ -22,7 +22,7 @@ const LEAST_READ_BYTES: usize = 1 << 10;
 const STANDSTILL: Duration = Duration::from_secs(5);
 
 /// What may be sent.
-pub struct Limits {
+pub struct MessageLimits {
     /// The longest message, in bytes.
     pub max_bytes: usize,
     /// How long a message may take to come in.
@@ -97,7 +97,7 @@ enum Hold {
 
 impl Inbox {
     /// Of a connection of `holder`, whose frames come into `intake`.
-    pub fn new(limits: &Limits, intake: Arc<Intake>, holder: CallerId) -> Self {
+    pub fn new(limits: &MessageLimits, intake: Arc<Intake>, holder: CallerId) -> Self {
         Self {
             decoder: Decoder::new(limits.max_bytes),
             message: None,
@@ -331,7 +331,7 @@ mod tests {
     fn line() -> Line {
         let memory = Arc::new(Semaphore::new(4 * MAX_BYTES));
         let intake = Arc::new(Intake::new(memory.clone(), 4 * MAX_BYTES, MAX_BYTES));
-        let limits = Limits { max_bytes: MAX_BYTES, message_timeout: Duration::from_secs(30) };
+        let limits = MessageLimits { max_bytes: MAX_BYTES, message_timeout: Duration::from_secs(30) };
         let (ours, theirs) = duplex(1 << 20);
         Line { inbox: Inbox::new(&limits, intake, CallerId::Robot("wall-e".into())), ours, theirs, memory }
     }

@@ -9,7 +9,7 @@ use std::time::Instant;
 /// The accepted frames without a told answer. An answer waits for those before it.
 #[derive(Default)]
 pub struct Ledger {
-    entries: VecDeque<Entry>,
+    entries: VecDeque<LedgerEntry>,
     unsettled_bytes: usize,
 }
 
@@ -34,7 +34,7 @@ pub enum Outcome {
     Dropped(DropReason),
 }
 
-struct Entry {
+struct LedgerEntry {
     frame: Accepted,
     outcome: Option<Outcome>,
 }
@@ -43,7 +43,7 @@ impl Ledger {
     /// Opens an entry for a frame whose number is larger than those before.
     pub fn accept(&mut self, frame: Accepted) {
         self.unsettled_bytes += frame.n_bytes;
-        self.entries.push_back(Entry { frame, outcome: None });
+        self.entries.push_back(LedgerEntry { frame, outcome: None });
     }
 
     /// Settles what became of a frame; the first word counts.
@@ -58,11 +58,11 @@ impl Ledger {
 
     /// The first frame, once it is settled.
     pub fn next(&mut self) -> Option<(Accepted, Outcome)> {
-        let Entry { frame, outcome } = self.entries.pop_front()?;
+        let LedgerEntry { frame, outcome } = self.entries.pop_front()?;
         match outcome {
             Some(outcome) => Some((frame, outcome)),
             None => {
-                self.entries.push_front(Entry { frame, outcome });
+                self.entries.push_front(LedgerEntry { frame, outcome });
                 None
             }
         }

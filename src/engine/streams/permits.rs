@@ -3,7 +3,7 @@
 use super::Arrival;
 use crate::access::Key;
 use crate::engine::caller::CallerId;
-use crate::engine::robots::Record;
+use crate::engine::robots::RobotRecord;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use tokio::sync::mpsc;
@@ -23,7 +23,7 @@ pub struct Permit {
     /// Whose it is.
     pub holder: CallerId,
     /// What dashboards may know, and the key that opened it, which alone can resume it.
-    pub record: Arc<Record>,
+    pub record: Arc<RobotRecord>,
     /// Cancelled when the stream gives way to another.
     pub given_up: CancellationToken,
 }
@@ -77,7 +77,7 @@ impl Permits {
     }
 
     /// What dashboards may know, the stream that began first first.
-    pub fn records(&self) -> Vec<Arc<Record>> {
+    pub fn records(&self) -> Vec<Arc<RobotRecord>> {
         let mut records: Vec<_> = self.taken().values().map(|permit| permit.record.clone()).collect();
         records.sort_by_key(|record| record.began());
         records
@@ -107,7 +107,7 @@ mod tests {
         Permit {
             arrivals: mpsc::channel(1).0,
             holder: CallerId::Robot(holder.into()),
-            record: Arc::new(Record::new("public".into(), None)),
+            record: Arc::new(RobotRecord::new("public".into(), None)),
             given_up: CancellationToken::new(),
         }
     }
@@ -117,7 +117,7 @@ mod tests {
         permits: &Permits,
         session: &str,
         holder: &str,
-    ) -> Result<(Arc<Record>, CancellationToken), NoPermit> {
+    ) -> Result<(Arc<RobotRecord>, CancellationToken), NoPermit> {
         let permit = permit(holder);
         let taken = (permit.record.clone(), permit.given_up.clone());
         taken.0.connected(true);
@@ -167,7 +167,7 @@ mod tests {
         let permits = Permits::new(4, 4);
         let key = |role, secret: u8| Arc::new(Key::new(role, "boss", &[secret; 32]).unwrap().1);
         let boss = key(Role::Admin, 1);
-        let record = Arc::new(Record::new("public".into(), Some(boss.clone())));
+        let record = Arc::new(RobotRecord::new("public".into(), Some(boss.clone())));
         permits.take("secret".into(), Permit { record, ..permit("boss") }).unwrap();
         assert!(permits.arrivals("secret", Some(&boss)).is_some());
         for other in [Some(key(Role::Admin, 2)), Some(key(Role::Robot, 1)), None] {

@@ -19,7 +19,7 @@ use crate::engine::caller::CallerId;
 use crate::engine::frame::EMPTY_FRAME;
 use crate::engine::metrics::{FrameOutcome, Transport};
 use crate::engine::registry::Choice;
-use crate::engine::robots::Record;
+use crate::engine::robots::RobotRecord;
 use crate::engine::spans::FrameSpans;
 use crate::problem::Problem;
 use roomsight_protocol::event::Event;
@@ -48,7 +48,7 @@ pub struct Session {
     lane: Arc<Lane>,
     ledger: Ledger,
     teller: Teller,
-    record: Arc<Record>,
+    record: Arc<RobotRecord>,
     news: UnboundedReceiver<News>,
     /// For the threads.
     newsroom: UnboundedSender<News>,
@@ -111,7 +111,7 @@ impl Session {
         engine: Engine,
         identity: Identity,
         settings: StreamSettings,
-        record: Arc<Record>,
+        record: Arc<RobotRecord>,
     ) -> Result<Self, Problem> {
         let robot = settings.robot.as_deref();
         let served = engine.registry.choose(Some(&settings.model), &Choice::Serving, robot)?;

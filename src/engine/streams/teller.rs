@@ -9,7 +9,7 @@ use crate::engine::answer::{answer, by_probability};
 use crate::engine::events::Events;
 use crate::engine::recognize::Seen;
 use crate::engine::registry::ServedModel;
-use crate::engine::robots::Record;
+use crate::engine::robots::RobotRecord;
 use crate::engine::timings::ms;
 use crate::settings::Settings;
 use roomsight_protocol::event::{AnswerEvent, Event};
@@ -74,7 +74,7 @@ impl Teller {
         seen: Seen,
         settings: &StreamSettings,
         events: &Events,
-        record: &Record,
+        record: &RobotRecord,
     ) -> Vec<Utf8Bytes> {
         let mut said: Vec<Utf8Bytes> = self.changed_model(frame.seq, &seen.served).into_iter().collect();
         let filtered = self.filtered(frame, &seen, settings);

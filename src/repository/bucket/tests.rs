@@ -192,11 +192,11 @@ fn a_version_goes_there_and_back_and_away() {
     let golden = bucket.fetch(&first).unwrap().join("golden/k\u{fc}che.jpg");
     assert_eq!(fs::read_to_string(golden).unwrap(), "a frame");
 
-    let record = Record::default().activated(12);
+    let record = ServingRecord::default().activated(12);
     bucket.write_record("lab", &record).unwrap();
     let other = lab.open(BRIEF);
     assert_eq!(other.record("lab").unwrap(), record);
-    assert_eq!(other.record("attic").unwrap(), Record::default());
+    assert_eq!(other.record("attic").unwrap(), ServingRecord::default());
     assert_eq!(other.scan().unwrap().models["lab"].record, record);
 
     bucket.delete(&first).unwrap();
@@ -290,7 +290,7 @@ fn damaged_bytes_do_not_enter_the_cache() {
 fn of_two_who_decide_at_once_one_is_told_so() {
     let Some(lab) = Lab::new("both") else { return };
     let (bucket, other) = (lab.open(BRIEF), lab.open(BRIEF));
-    let first = Record::default().activated(1);
+    let first = ServingRecord::default().activated(1);
     for _ in 0..2 {
         let (before, mode) = bucket.read_record("lab").unwrap();
         let theirs = before.activated(before.epoch + 1);
@@ -309,7 +309,7 @@ fn without_its_server_a_bucket_has_what_it_had() {
     let (id, never_fetched) = (VersionId::new("lab", 1), VersionId::new("lab", 2));
     publish(&bucket, &id, "a model").unwrap();
     publish(&bucket, &never_fetched, "another").unwrap();
-    bucket.write_record("lab", &Record::default().activated(1)).unwrap();
+    bucket.write_record("lab", &ServingRecord::default().activated(1)).unwrap();
     let scan = bucket.scan().unwrap();
     bucket.fetch(&id).unwrap();
 
@@ -343,7 +343,7 @@ fn a_server_that_stalls_is_not_waited_for() {
     assert!(error.contains("in time"), "{error}");
     assert!(bucket.fetch(&id).unwrap_err().to_string().contains("in time"));
     assert!(bucket.record("lab").unwrap_err().to_string().contains("in time"));
-    let written = bucket.write_record("lab", &Record::default());
+    let written = bucket.write_record("lab", &ServingRecord::default());
     assert!(written.unwrap_err().to_string().contains("in time"));
 }
 

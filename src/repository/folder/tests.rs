@@ -80,7 +80,7 @@ fn links_are_followed_wherever_they_lead_and_broken_ones_named() {
     assert_eq!(found(&repository), ["attic/1", "lab/1", "lab/3", "lab/4"]);
     publish(&repository, &VersionId::new("attic", 2), "").unwrap();
     assert!(outside.path().join("attic/2").join(MODEL_FILE).is_file());
-    repository.write_record("attic", &Record::default().activated(2)).unwrap();
+    repository.write_record("attic", &ServingRecord::default().activated(2)).unwrap();
     assert_eq!(repository.scan().unwrap().models["attic"].record.stable, Some(2));
 }
 
@@ -99,7 +99,7 @@ fn a_model_may_lie_on_another_disk() {
     write_version(staged.path(), "far away");
     fs::write(staged.path().join(model::ABOUT_FILE), "{}").unwrap();
     repository.publish(&id, staged).unwrap();
-    repository.write_record("lab", &Record::default().activated(2)).unwrap();
+    repository.write_record("lab", &ServingRecord::default().activated(2)).unwrap();
     assert_eq!(found(&repository), ["lab/1"]);
     repository.delete(&id).unwrap();
     let left = fs::read_dir(elsewhere.path()).unwrap().map(|entry| entry.unwrap().file_name());
@@ -182,7 +182,7 @@ fn the_default_model_is_kept_and_of_two_who_name_it_at_once_one_is_told_so() {
     let scan = repository.scan().unwrap();
     assert_eq!(scan.default, None);
     assert!(scan.foreign.iter().any(|line| line.starts_with(DEFAULT_FILE)), "{:?}", scan.foreign);
-    assert!(matches!(repository.default_model(), Err(RepositoryError::Record { .. })));
+    assert!(matches!(repository.default_model(), Err(RepositoryError::ServingRecord { .. })));
 }
 
 #[test]
@@ -194,7 +194,7 @@ fn names_lead_nowhere_else() {
         assert!(matches!(publish(&repository, &id, ""), Err(RepositoryError::Id(_))), "{name}");
         assert!(matches!(repository.delete(&id), Err(RepositoryError::Id(_))), "{name}");
         assert!(matches!(repository.record(name), Err(RepositoryError::Id(_))), "{name}");
-        let written = repository.write_record(name, &Record::default());
+        let written = repository.write_record(name, &ServingRecord::default());
         assert!(matches!(written, Err(RepositoryError::Id(_))), "{name}");
     }
 }
@@ -221,7 +221,7 @@ fn a_version_that_has_got_a_label_meanwhile_is_not_deleted() {
     let (_root, repository) = repository();
     let id = VersionId::new("lab", 1);
     publish(&repository, &id, "").unwrap();
-    repository.write_record("lab", &Record::default().activated(1)).unwrap();
+    repository.write_record("lab", &ServingRecord::default().activated(1)).unwrap();
     assert!(matches!(repository.delete(&id), Err(RepositoryError::Overtaken { epoch: 1, .. })));
     assert_eq!(found(&repository), ["lab/1"]);
 }
@@ -232,12 +232,12 @@ fn a_version_that_has_got_a_label_meanwhile_is_not_deleted() {
 fn locks_that_may_only_be_read_lock_nobody_out() {
     use std::os::unix::fs::PermissionsExt;
     let (root, repository) = repository();
-    repository.write_record("lab", &Record::default().activated(1)).unwrap();
+    repository.write_record("lab", &ServingRecord::default().activated(1)).unwrap();
     for lock in [root.path().join(LOCK_FILE), root.path().join("lab").join(LOCK_FILE)] {
         fs::set_permissions(lock, fs::Permissions::from_mode(0o444)).unwrap();
     }
     let repository = open(root.path());
-    repository.write_record("lab", &Record::default().activated(1).activated(2)).unwrap();
+    repository.write_record("lab", &ServingRecord::default().activated(1).activated(2)).unwrap();
     assert_eq!(repository.record("lab").unwrap().stable, Some(2));
 }
 
@@ -271,22 +271,22 @@ fn the_fingerprint_changes_with_any_file() {
 #[test]
 fn records_are_kept_and_a_broken_one_stops_nothing_else() {
     let (root, repository) = repository();
-    assert_eq!(repository.record("lab").unwrap(), Record::default());
+    assert_eq!(repository.record("lab").unwrap(), ServingRecord::default());
     let canary = Canary { version: 2, share: 0.25 };
-    let record = Record::default().activated(1).with_canary(canary).unwrap();
+    let record = ServingRecord::default().activated(1).with_canary(canary).unwrap();
     repository.write_record("lab", &record).unwrap();
     publish(&repository, &VersionId::new("lab", 1), "").unwrap();
     publish(&repository, &VersionId::new("attic", 1), "").unwrap();
     let repository = open(root.path());
     assert_eq!(repository.record("lab").unwrap(), record);
     assert_eq!(repository.scan().unwrap().models["lab"].record, record);
-    let late = repository.write_record("lab", &Record::default().activated(2));
+    let late = repository.write_record("lab", &ServingRecord::default().activated(2));
     assert!(matches!(late, Err(RepositoryError::Overtaken { epoch: 2, .. })));
     assert_eq!(repository.record("lab").unwrap(), record);
     fs::write(root.path().join("lab").join(RECORD_FILE), "{").unwrap();
-    assert!(matches!(repository.record("lab"), Err(RepositoryError::Record { .. })));
+    assert!(matches!(repository.record("lab"), Err(RepositoryError::ServingRecord { .. })));
     let scan = repository.scan().unwrap();
-    assert_eq!(scan.models["lab"].record, Record::default());
+    assert_eq!(scan.models["lab"].record, ServingRecord::default());
     assert!(scan.foreign.iter().any(|line| line.contains(RECORD_FILE)), "{:?}", scan.foreign);
     assert!(scan.models.contains_key("attic"));
 }
@@ -317,6 +317,6 @@ fn a_missing_folder_and_a_models_own_folder_say_what_they_are() {
     assert!(own.fetch(&VersionId::new("lab", 7)).is_ok());
     assert!(matches!(own.fetch(&VersionId::new("lab", 8)), Err(RepositoryError::NoVersion(_))));
     assert!(matches!(own.stage(), Err(RepositoryError::ReadOnly(_))));
-    let written = own.write_record("lab", &Record::default());
+    let written = own.write_record("lab", &ServingRecord::default());
     assert!(matches!(written, Err(RepositoryError::ReadOnly(_))));
 }

@@ -53,7 +53,7 @@ fn tar(entries: &[(&str, EntryType, &[u8])]) -> Vec<u8> {
     builder.into_inner().unwrap()
 }
 
-fn unpacked(body: &[u8], limits: &Limits) -> (TempDir, Result<(), PackageError>) {
+fn unpacked(body: &[u8], limits: &PackageLimits) -> (TempDir, Result<(), PackageError>) {
     let folder = TempDir::new().unwrap();
     let (file, into) = (folder.path().join("body"), folder.path().join("into"));
     fs::write(&file, body).unwrap();
@@ -63,12 +63,12 @@ fn unpacked(body: &[u8], limits: &Limits) -> (TempDir, Result<(), PackageError>)
 }
 
 fn refused(body: &[u8]) -> String {
-    unpacked(body, &Limits::default()).1.unwrap_err().to_string()
+    unpacked(body, &PackageLimits::default()).1.unwrap_err().to_string()
 }
 
 #[test]
 fn a_version_comes_out_as_it_went_in() {
-    let (folder, result) = unpacked(&PACKED, &Limits::default());
+    let (folder, result) = unpacked(&PACKED, &PackageLimits::default());
     result.unwrap();
     for (name, content) in FILES {
         assert_eq!(fs::read_to_string(folder.path().join("into").join(name)).unwrap(), content);
@@ -93,7 +93,7 @@ fn the_notations_of_other_programs_are_read() {
         ("model.json", EntryType::Regular, b"{}"),
         ("./model.safetensors", EntryType::Regular, b"a model"),
     ]);
-    let (folder, result) = unpacked(&body, &Limits::default());
+    let (folder, result) = unpacked(&body, &PackageLimits::default());
     result.unwrap();
     let read = |name: &str| fs::read_to_string(folder.path().join("into").join(name)).unwrap();
     assert_eq!((read(&long), read("golden/m\u{fc}ll.jpg")), ("long".to_owned(), "pax".to_owned()));
@@ -129,14 +129,14 @@ fn the_networks_that_a_model_names_come_out_as_they_went_in() {
     wrapped.insert(0, ("7/networks/", b""));
     let bare = files.each_ref().map(|(name, content)| (name.as_str(), content.as_slice()));
     for body in [packed, zipped(&wrapped, true), zipped(&bare, false)] {
-        let (folder, result) = unpacked(&body, &Limits::default());
+        let (folder, result) = unpacked(&body, &PackageLimits::default());
         result.unwrap();
         for (name, content) in &files {
             assert_eq!(fs::read(folder.path().join("into").join(name)).unwrap(), *content, "{name}");
         }
         assert_eq!(fs::read_dir(folder.path().join("into/networks")).unwrap().count(), 2);
     }
-    let large = Limits { max_network_bytes: 8, ..Limits::default() };
+    let large = PackageLimits { max_network_bytes: 8, ..PackageLimits::default() };
     let told = unpacked(&zipped(&bare, true), &large).1.unwrap_err().to_string();
     assert!(told.contains("more than 8 bytes"), "{told}");
 }
@@ -194,7 +194,7 @@ fn zipped(entries: &[(&str, &[u8])], deflates: bool) -> Vec<u8> {
 
 /// Whether the files of [`FILES`] come out of a body, and nothing else.
 fn assert_comes_out(body: &[u8], what: &str) {
-    let (folder, result) = unpacked(body, &Limits::default());
+    let (folder, result) = unpacked(body, &PackageLimits::default());
     result.unwrap_or_else(|error| panic!("{what}: {error}"));
     let into = folder.path().join("into");
     for (name, content) in FILES {
@@ -290,7 +290,7 @@ fn what_is_cut_or_changed_in_a_compressed_archive_is_damaged() {
 
 #[test]
 fn what_grows_without_end_is_refused_before_it_does() {
-    let limits = Limits { max_bytes: 5000, max_model_bytes: 5000, ..Limits::default() };
+    let limits = PackageLimits { max_bytes: 5000, max_model_bytes: 5000, ..PackageLimits::default() };
     let zeros = vec![0; 1 << 20];
     let refused = |body: &[u8]| unpacked(body, &limits).1.unwrap_err().to_string();
     assert!(refused(&gzipped(&zeros)).contains("more than 5000 bytes"));
@@ -349,7 +349,7 @@ fn what_does_not_belong_in_a_version_is_refused_by_name() {
 
 #[test]
 fn too_much_is_refused() {
-    let limits = Limits {
+    let limits = PackageLimits {
         max_entries: 2,
         max_model_bytes: 9,
         max_network_bytes: 9,
@@ -397,7 +397,7 @@ fn a_tar_that_was_cut_is_refused_wherever() {
         {
             continue;
         }
-        assert!(unpacked(&PACKED[..length], &Limits::default()).1.is_err(), "{length}");
+        assert!(unpacked(&PACKED[..length], &PackageLimits::default()).1.is_err(), "{length}");
     }
 }
 
@@ -414,7 +414,7 @@ proptest! {
         if seals {
             seal(&mut body);
         }
-        let (folder, _) = unpacked(&body, &Limits::default());
+        let (folder, _) = unpacked(&body, &PackageLimits::default());
         let mut left: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
         left.sort();
         prop_assert_eq!(left, ["body", "into"]);

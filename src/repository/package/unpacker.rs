@@ -1,6 +1,6 @@
 //! Which entries of an archive are taken, whatever its form, and how much of them.
 
-use super::{Limits, PackageError, copy_error, io_error, is_file_of_version};
+use super::{PackageError, PackageLimits, copy_error, io_error, is_file_of_version};
 use roomsight_recognition::model::{GOLDEN_FOLDER, NETWORKS_FOLDER};
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -22,7 +22,7 @@ pub(super) enum Kind {
 /// Takes the entries of one archive into a folder.
 pub(super) struct Unpacker<'a> {
     into: &'a Path,
-    limits: &'a Limits,
+    limits: &'a PackageLimits,
     n_entries: usize,
     /// The bytes that may still be written.
     n_bytes_left: u64,
@@ -32,7 +32,7 @@ pub(super) struct Unpacker<'a> {
 }
 
 impl<'a> Unpacker<'a> {
-    pub fn new(into: &'a Path, limits: &'a Limits) -> Self {
+    pub fn new(into: &'a Path, limits: &'a PackageLimits) -> Self {
         Self {
             into,
             limits,

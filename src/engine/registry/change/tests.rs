@@ -103,7 +103,7 @@ fn a_change_builds_on_what_somebody_else_decided_just_now() {
     let record = registry.repository.record("lab").unwrap();
     registry.repository.write_record("lab", &record.activated(1)).unwrap();
     let deleted = registry.delete(&VersionId::new("lab", 1), None);
-    assert!(matches!(deleted, Err(ChangeError::Record(RecordError::Labeled { label: "stable", .. }))));
+    assert!(matches!(deleted, Err(ChangeError::ServingRecord(RecordError::Labeled { label: "stable", .. }))));
 
     let ticket = registry.begin("lab", None).unwrap();
     let record = registry.repository.record("lab").unwrap();
@@ -215,7 +215,7 @@ fn what_serves_from_a_first_start_on_is_deleted_by_nobody() {
     let record = registry.repository.record("lab").unwrap();
     assert_eq!((record.stable, record.epoch), (Some(3), 1));
     let deleted = beside.delete(&VersionId::new("lab", 3), None);
-    assert!(matches!(deleted, Err(ChangeError::Record(RecordError::Labeled { label: "stable", .. }))));
+    assert!(matches!(deleted, Err(ChangeError::ServingRecord(RecordError::Labeled { label: "stable", .. }))));
 }
 
 #[test]
@@ -240,7 +240,7 @@ fn a_version_that_answers_in_the_place_of_a_damaged_one_is_not_deleted() {
     let registry = open(&folder, Policy::Manual);
     assert_eq!(stable(&registry), Some(1));
     let deleted = registry.delete(&VersionId::new("lab", 1), None);
-    assert!(matches!(deleted, Err(ChangeError::Record(RecordError::Labeled { version: 1, .. }))));
+    assert!(matches!(deleted, Err(ChangeError::ServingRecord(RecordError::Labeled { version: 1, .. }))));
     assert!(folder.path().join("lab/1/model.safetensors").is_file());
 }
 
@@ -256,5 +256,5 @@ fn where_nothing_can_be_written_the_latest_serves_nevertheless() {
     registry.poll().unwrap();
     registry.poll().unwrap();
     assert_eq!(stable(&registry), Some(2));
-    assert_eq!(registry.repository.record("lab").unwrap(), Record::default());
+    assert_eq!(registry.repository.record("lab").unwrap(), ServingRecord::default());
 }

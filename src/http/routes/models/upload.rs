@@ -4,7 +4,7 @@ use crate::engine::registry::{ChangeError, repository_kind};
 use crate::http::App;
 use crate::http::blocking::blocking;
 use crate::problem::{Kind, Problem};
-use crate::repository::package::{Limits, PackageError, unpack};
+use crate::repository::package::{PackageError, PackageLimits, unpack};
 use crate::repository::{RepositoryError, disk_error};
 use axum::body::{Body, Bytes, HttpBody};
 use axum::extract::Request;
@@ -163,7 +163,7 @@ fn check_head(headers: &HeaderMap) -> Result<(), UploadError> {
 fn publish(app: &App, id: &VersionId, received: &TempDir) -> Result<(), UploadError> {
     let staged = app.engine.registry.stage()?;
     let max_bytes = app.engine.settings.max_model_bytes;
-    let limits = Limits { max_model_bytes: max_bytes, max_bytes, ..Limits::default() };
+    let limits = PackageLimits { max_model_bytes: max_bytes, max_bytes, ..PackageLimits::default() };
     unpack(&received.path().join(BODY_FILE), staged.path(), &limits)?;
     app.engine.registry.publish(id, staged)?;
     Ok(app.engine.registry.found(id)?)

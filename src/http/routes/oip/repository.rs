@@ -2,7 +2,7 @@
 
 use super::ModelPath;
 use super::problems::{IndexProblems, LoadProblems};
-use crate::engine::registry::{Choice, Entry, LookupError, ServedModel};
+use crate::engine::registry::{Choice, LookupError, RegisteredModel, ServedModel};
 use crate::http::openapi::NameParam;
 use crate::http::routes::models;
 use crate::http::{App, body};
@@ -25,7 +25,7 @@ pub fn ready_versions(app: &App, name: &str) -> Result<Vec<u64>, LookupError> {
 }
 
 /// The versions that are in memory.
-pub fn loaded(entry: &Entry) -> impl Iterator<Item = u64> {
+pub fn loaded(entry: &RegisteredModel) -> impl Iterator<Item = u64> {
     entry.versions.iter().filter(|(_, version)| version.loaded().is_some()).map(|(&number, _)| number)
 }
 
