@@ -34,12 +34,12 @@ pub fn of_answers(package: &Path) -> io::Result<String> {
     digest(package, files)
 }
 
-/// The digest of all that simulated frames depend on; the simulator uses no other module.
+/// The digest of all that simulated frames depend on; the simulator uses no other module but the layout of COLD.
 ///
 /// # Errors
 /// A file that cannot be read.
 pub fn of_simulation(package: &Path) -> io::Result<String> {
-    digest(package, modules(&package.join("src"), |module| module == "simulate")?)
+    digest(package, modules(&package.join("src"), |module| ["cold_layout", "simulate"].contains(&module))?)
 }
 
 /// The files of those modules of a crate that are wanted, by their name.

@@ -7,6 +7,8 @@
 //! | [`check`], [`validate`], [`page`] | what is odd about labeled frames; rates of a configuration over splits and seeds; HTML pages with charts |
 //! | [`experiment`] | the experiments of the papers |
 
+mod cold_layout;
+
 pub mod dataset;
 pub mod evaluate;
 pub mod simulate;

@@ -38,6 +38,9 @@ pub use robot::{Pose, SPEED};
 pub use sequence::{MARKER_FILE, SequenceSummary, SimulateError};
 pub use walls::Wall;
 
+use crate::cold_layout::{
+    LAB_PREFIX, OMNIDIRECTIONAL_FOLDER, PART_FOLDERS, PERSPECTIVE_FOLDER, sequence_number,
+};
 use image::RgbImage;
 use optics::{Optics, Sight};
 use person::Person;
@@ -145,8 +148,8 @@ impl CameraKind {
     /// The folder of its frames in a sequence.
     pub fn folder(self) -> &'static str {
         match self {
-            Self::Perspective => "std_cam",
-            Self::Omnidirectional => "omni_cam",
+            Self::Perspective => PERSPECTIVE_FOLDER,
+            Self::Omnidirectional => OMNIDIRECTIONAL_FOLDER,
         }
     }
 }
@@ -173,10 +176,10 @@ pub struct SequenceSpec {
 impl SequenceSpec {
     /// The path of the sequence below the root, as in COLD: `cold-LAB/part_P/seqN_LIGHTn`.
     pub fn folder(&self) -> PathBuf {
-        let number = 1 + 2 * self.part as u32 + self.route as u32;
+        let number = sequence_number(self.part as usize, self.route == Route::Extended);
         let sequence = format!("seq{number}_{}{}", self.illumination.name(), self.run);
-        let part = format!("part_{}", self.part.name());
-        PathBuf::from(format!("cold-{}", self.lab.name())).join(part).join(sequence)
+        let lab = format!("{LAB_PREFIX}{}", self.lab.name());
+        PathBuf::from(lab).join(PART_FOLDERS[self.part as usize]).join(sequence)
     }
 
     /// What makes the lab's layout.

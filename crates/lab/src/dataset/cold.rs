@@ -11,6 +11,10 @@ pub use labels::{LabelLine, parse_places};
 
 use super::tree::Tree;
 use super::{Dataset, DatasetError, Format, Frame, Problem, files};
+use crate::cold_layout::{
+    LAB_PREFIX, LABEL_FILE, LABEL_FOLDER, OMNIDIRECTIONAL_FOLDER, PART_FOLDERS, PERSPECTIVE_FOLDER,
+    sequence_number,
+};
 use roomsight_vision::camera::CameraKind;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fs;
@@ -66,13 +70,12 @@ impl SequenceName {
         let (above, name) = sequence.rsplit_once('/').unwrap_or(("", sequence));
         let lab = above.split('/').find(|folder| !is_part_folder(folder)).unwrap_or_default();
         let (number, light) = name.strip_prefix("seq")?.split_once('_')?;
-        let (part, path) = match number {
-            "1" => (Part::A, DrivenPath::Standard),
-            "2" => (Part::A, DrivenPath::Extended),
-            "3" => (Part::B, DrivenPath::Standard),
-            "4" => (Part::B, DrivenPath::Extended),
-            _ => return None,
-        };
+        let (part, path) = [Part::A, Part::B]
+            .into_iter()
+            .flat_map(|part| [(part, DrivenPath::Standard), (part, DrivenPath::Extended)])
+            .find(|&(part, path)| {
+                number == sequence_number(part as usize, path == DrivenPath::Extended).to_string()
+            })?;
         let (illumination, run) = [
             (Illumination::Cloudy, "cloudy"),
             (Illumination::Night, "night"),
@@ -116,8 +119,7 @@ pub(super) fn read(root: &Tree, sequences: &[&Tree]) -> Result<Dataset, DatasetE
 /// From the root down: two folders around all, lab, part, sequence.
 const MAX_DEPTH: usize = 5;
 const CAMERA_FOLDERS: [(&str, CameraKind); 2] =
-    [("std_cam", CameraKind::Perspective), ("omni_cam", CameraKind::Omnidirectional)];
-const LABEL_FILE: &str = "localization/places.lst";
+    [(PERSPECTIVE_FOLDER, CameraKind::Perspective), (OMNIDIRECTIONAL_FOLDER, CameraKind::Omnidirectional)];
 const LABS: [&str; 3] = ["freiburg", "saarbruecken", "ljubljana"];
 
 fn find_below(tree: &Tree, n_levels: usize) -> Vec<&Tree> {
@@ -131,11 +133,12 @@ fn find_below(tree: &Tree, n_levels: usize) -> Vec<&Tree> {
 }
 
 fn is_sequence(tree: &Tree) -> bool {
-    tree.path.join(LABEL_FILE).exists() || CAMERA_FOLDERS.iter().any(|(name, _)| tree.folder(name).is_some())
+    tree.path.join(LABEL_FOLDER).join(LABEL_FILE).exists()
+        || CAMERA_FOLDERS.iter().any(|(name, _)| tree.folder(name).is_some())
 }
 
 fn is_part_folder(name: &str) -> bool {
-    name == "part_a" || name == "part_b"
+    PART_FOLDERS.contains(&name)
 }
 
 /// `LAB/PART/SEQUENCE`. A folder above `root` counts as the lab only when its name says so.
@@ -148,7 +151,7 @@ fn sequence_name(root: &Path, folder: &Path) -> String {
     }
     if let Some(lab) = above {
         let name = files::name(lab);
-        let short = name.strip_prefix("cold-");
+        let short = name.strip_prefix(LAB_PREFIX);
         if short.is_some() || LABS.contains(&name.as_str()) || (lab.starts_with(root) && lab != root) {
             names.push(short.unwrap_or(&name).to_owned());
         }
@@ -164,7 +167,7 @@ struct Sequence<'a> {
 }
 
 fn add_sequence(dataset: &mut Dataset, tree: &Tree, name: String) {
-    let label_file = tree.path.join(LABEL_FILE);
+    let label_file = tree.path.join(LABEL_FOLDER).join(LABEL_FILE);
     let mut lines = Vec::new();
     if label_file.exists() {
         match files::read_labels(&label_file) {

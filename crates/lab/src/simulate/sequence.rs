@@ -2,6 +2,7 @@
 
 use super::walls::{WALLS_FILE, Wall};
 use super::{CameraKind, SequenceSpec, Simulation};
+use crate::cold_layout::{LABEL_FILE, LABEL_FOLDER};
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
@@ -110,9 +111,9 @@ fn write_frames(
 fn write_labels(simulation: &Simulation, folder: &Path) -> Result<(), SimulateError> {
     let line = |idx: usize| format!("{} {}\n", simulation.file_name(idx), simulation.place(idx));
     let labels: String = (0..simulation.n_frames()).map(line).collect();
-    let localization = folder.join("localization");
+    let localization = folder.join(LABEL_FOLDER);
     fs::create_dir_all(&localization).map_err(failed(&localization))?;
-    let path = localization.join("places.lst");
+    let path = localization.join(LABEL_FILE);
     fs::write(&path, labels).map_err(failed(&path))?;
     let path = folder.join(WALLS_FILE);
     fs::write(&path, Wall::to_csv(&simulation.walls())).map_err(failed(&path))
