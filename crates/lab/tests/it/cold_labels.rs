@@ -23,7 +23,7 @@ fn label_files(folder: &Path) -> Vec<PathBuf> {
 
 #[test]
 fn real_label_files_read_without_a_lost_line() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/cold_labels");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data/cold_labels");
     let files = label_files(&folder);
     if files.is_empty() {
         println!("skipped: the label files of COLD are not at {}", folder.display());
