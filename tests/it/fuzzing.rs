@@ -44,10 +44,12 @@ fn all_targets() -> [Target; 9] {
 
 fn golden(folder: &str) -> Vec<Vec<u8>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(folder);
-    let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let mut files: Vec<PathBuf> = fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     files.sort();
     let is_picture = |path: &PathBuf| path.extension().is_some_and(|end| end == "png" || end == "jpeg");
-    files.into_iter().filter(is_picture).map(|path| fs::read(path).unwrap()).collect()
+    files.retain(is_picture);
+    assert!(!files.is_empty(), "no pictures are in {}", folder.display());
+    files.into_iter().map(|path| fs::read(path).unwrap()).collect()
 }
 
 /// Every format, gray and in color, and frames that robots have taken, made small: large ones take time and
