@@ -26,7 +26,7 @@ mod state;
 mod table;
 
 pub use error::{ChangeError, Failure, LookupError, RegistryError, repository_kind};
-pub use info::{model_info, network_infos, version_info, version_info_with_card};
+pub use info::{model_info, network_infos, short_digest, version_info, version_info_with_card};
 pub use served::ServedModel;
 pub use shadow::{Shadow, ShadowPermit, Tally, distance};
 pub use state::Version;

@@ -3,12 +3,9 @@
 use super::Engine;
 use super::metrics::catalog::{self, Metric};
 use super::metrics::{Readings, process};
-use super::registry::{Tally, model_info};
+use super::registry::{Tally, model_info, short_digest};
 use roomsight_protocol::rest::{VersionInfo, VersionState};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// How much of a model's digest is shown.
-const DIGEST_PREFIX: usize = 16;
 
 /// What is counted and measured, in Prometheus's text form.
 pub fn scrape(engine: &Engine) -> String {
@@ -87,7 +84,7 @@ fn state_name(state: VersionState) -> String {
 
 /// The values of the labels of a version that carries a label.
 fn info(model: &str, version: &VersionInfo, label: &str) -> [String; 5] {
-    let digest = version.digest.as_deref().unwrap_or_default().chars().take(DIGEST_PREFIX).collect();
+    let digest = short_digest(version.digest.as_deref().unwrap_or_default());
     let epoch = version.epoch.unwrap_or_default().to_string();
     [model.to_owned(), version.version.to_string(), label.to_owned(), epoch, digest]
 }

@@ -8,8 +8,10 @@ use roomsight_protocol::rest::{FailureInfo, ModelInfo, ModelName, NetworkInfo, S
 use roomsight_recognition::model::{Model, NetworkEntry};
 use std::sync::Arc;
 
-/// How many hexadecimal digits of a model's digest an answer carries.
-const DIGEST_PREFIX: usize = 16;
+/// The first 16 hexadecimal digits of a model's digest: what answers and metrics show of it.
+pub fn short_digest(digest: &str) -> String {
+    digest.chars().take(16).collect()
+}
 
 impl From<&ServedModel> for ModelName {
     fn from(served: &ServedModel) -> Self {
@@ -17,7 +19,7 @@ impl From<&ServedModel> for ModelName {
             name: served.name.clone(),
             version: served.version,
             epoch: served.epoch,
-            digest: served.digest.chars().take(DIGEST_PREFIX).collect(),
+            digest: short_digest(&served.digest),
         }
     }
 }
