@@ -261,3 +261,6 @@ fn transitions(n_rooms: usize, file: &Arrays) -> Result<Transitions, FormatError
     let (dwells, next) = (file.vector("transitions.dwells")?, file.matrix("transitions.next")?);
     Transitions::from_parts(n_rooms, dwells, next).map_err(|error| FormatError::Damaged(error.to_string()))
 }
+
+#[cfg(test)]
+mod tests;

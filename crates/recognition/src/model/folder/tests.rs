@@ -3,7 +3,8 @@
 use super::*;
 use crate::file::networks::*;
 use crate::model::Model;
-use crate::model::tests::{config, samples};
+use crate::model::golden::load_golden_frames;
+use crate::model::tests::{config, samples, trained};
 use crate::model::training::Training;
 use roomsight_vision::camera::{Camera, Projection};
 use serde_json::{Value, json};
@@ -116,4 +117,33 @@ fn a_network_is_in_memory_once_and_as_long_as_a_model_uses_it() {
     drop((one, other));
     assert!(weak.upgrade().is_none());
     assert_eq!(load(&first).networks(), MODEL.networks());
+}
+
+#[test]
+fn folders_are_written_whole_and_damage_is_named() {
+    let room = tempfile::tempdir().unwrap();
+    let folder = room.path().join("lab/1");
+    let model = trained(&config()).model;
+    let golden = GoldenFrame {
+        name: "bars.png".to_owned(),
+        bytes: vec![1, 2, 3],
+        room: "bars".to_owned(),
+        probability: 0.75,
+    };
+    model.save(&folder, std::slice::from_ref(&golden)).unwrap();
+    let loaded = Model::load(&folder).unwrap();
+    assert_eq!(loaded.digest.len(), 64);
+    assert_eq!(loaded.model.rooms(), model.rooms());
+    assert_eq!(load_golden_frames(&folder).unwrap(), [golden]);
+    assert_eq!(fs::read_dir(room.path().join("lab")).unwrap().count(), 1, "nothing temporary is left");
+    assert!(matches!(model.save(&folder, &[]), Err(SaveError::Exists(_))));
+
+    let file = folder.join("model.safetensors");
+    let mut bytes = fs::read(&file).unwrap();
+    let last = bytes.len() - 1;
+    bytes[last] ^= 1;
+    fs::write(&file, &bytes).unwrap();
+    assert!(Model::load(&folder).unwrap_err().to_string().contains("damaged or replaced"));
+    fs::remove_file(folder.join("model.json")).unwrap();
+    assert!(Model::load(&file).unwrap_err().to_string().contains("model.json"));
 }
