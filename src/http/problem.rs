@@ -36,7 +36,7 @@ impl ErrorForm {
     }
 }
 
-/// A response that [`render`] completes where the request's id is known.
+/// A response that `render` completes where the request's id is known.
 impl IntoResponse for Problem {
     fn into_response(self) -> Response {
         let mut response = status(self.kind()).into_response();

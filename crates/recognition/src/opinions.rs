@@ -159,7 +159,7 @@ pub(crate) struct Added<'a> {
     pub(crate) n_rooms: usize,
     /// Which number each room of before has from now on; ascending.
     pub(crate) of_earlier: &'a [usize],
-    /// The share at which support vectors are dropped; see [`super::Model::add`].
+    /// The share at which support vectors are dropped; see [`crate::model::Model::add`].
     pub(crate) forget: f64,
 }
 

@@ -212,10 +212,10 @@ pub async fn set_label(
         (Label::Canary, Some(share)) => Change::Canary(Some(Canary { version, share })),
         (Label::Shadow, None) => Change::Shadow(Some(version)),
         (Label::Canary, None) => {
-            return Err(Problem::query("a canary needs a `share`, above 0 and below 1".to_owned()));
+            return Err(Problem::query("a canary needs a `share`, above 0 and below 1"));
         }
         (Label::Shadow, Some(_)) => {
-            return Err(Problem::query("a shadow answers nobody: leave `share` out".to_owned()));
+            return Err(Problem::query("a shadow answers nobody: leave `share` out"));
         }
     };
     change(&app, &name, wanted, epoch).await?;
@@ -266,7 +266,7 @@ impl FromRequestParts<App> for Expected {
             return Ok(Self(None));
         };
         let epoch = given.to_str().ok().and_then(|text| text.trim_matches('"').parse().ok());
-        let wrong = || Problem::query("If-Match must be the ETag of the model, such as \"3\"".to_owned());
+        let wrong = || Problem::query("If-Match must be the ETag of the model, such as \"3\"");
         epoch.map(|epoch| Self(Some(epoch))).ok_or_else(wrong)
     }
 }

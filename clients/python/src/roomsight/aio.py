@@ -124,7 +124,7 @@ class AsyncClient(AsyncClosing):
         return calls.read_answer(RobotList, await self._call("GET", "/v1/robots")).robots
 
     async def robot(self, stream: str) -> Robot:
-        """One robot, by the name of its stream."""
+        """One robot, by its name or its stream's."""
         return calls.read_answer(Robot, await self._call("GET", calls.robot_url(stream)))
 
     async def events(self) -> AsyncEvents:

@@ -126,7 +126,7 @@ class Client(Closing):
         return calls.read_answer(RobotList, self._call("GET", "/v1/robots")).robots
 
     def robot(self, stream: str) -> Robot:
-        """One robot, by the name of its stream."""
+        """One robot, by its name or its stream's."""
         return calls.read_answer(Robot, self._call("GET", calls.robot_url(stream)))
 
     def events(self) -> Events:

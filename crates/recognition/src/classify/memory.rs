@@ -246,7 +246,7 @@ impl Memory {
     /// memory of a frame a room may remain above its bound.
     ///
     /// # Panics
-    /// When descriptors are of another width, or a place is not below [`Memory::n_rooms`].
+    /// When descriptors are of another width, or a room is not below [`Memory::n_rooms`].
     pub fn learn(&mut self, frames: &[(&Matrix, Origin)], seed: u64) {
         let mut rows = self.lists.rows();
         for &(descriptors, origin) in frames {
@@ -270,10 +270,10 @@ impl Memory {
         self.keep(&kept);
     }
 
-    /// Numbers the places, of which there are `n_rooms` from now on, and the frames anew.
+    /// Numbers the rooms, of which there are `n_rooms` from now on, and the frames anew.
     ///
     /// # Panics
-    /// When a place is not below `n_rooms`.
+    /// When a room is not below `n_rooms`.
     pub fn renumber(&mut self, n_rooms: usize, renumbered: impl Fn(&Origin) -> Origin) {
         for origin in &mut self.origins {
             *origin = renumbered(origin);

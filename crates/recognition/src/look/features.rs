@@ -9,7 +9,8 @@ use std::sync::Arc;
 /// What a frame shows, before it is classified.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Features {
-    /// How it was looked at: [`Config::sights`] of the extractor's configuration. A model that looks in fewer of these ways
+    /// How it was looked at: [`Config::sights`](crate::model::Config::sights) of the extractor's
+    /// configuration. A model that looks in fewer of these ways
     /// can classify it.
     pub sights: Arc<Vec<Sight>>,
     /// What each of these saw.

@@ -16,7 +16,7 @@ pub struct Sample {
     pub pose: Option<Pose>,
     /// What tells its picture from others: the first bytes of the BLAKE3 digest of its file, if it came from one.
     pub picture: Option<u64>,
-    /// What an [`Extractor`] of the model's configuration and camera found.
+    /// What an [`Extractor`](crate::model::Extractor) of the model's configuration and camera found.
     pub features: Features,
 }
 

@@ -29,7 +29,7 @@ impl Training {
 pub struct HeldOut {
     /// Which sample.
     pub sample_idx: usize,
-    /// The answer; its places are [`Model::rooms`].
+    /// The answer; its rooms are [`Model::rooms`].
     pub recognition: Recognition,
 }
 

@@ -480,7 +480,7 @@ fn among(gram: &Matrix, frame_idxs: &[usize]) -> Matrix {
     part
 }
 
-/// What [`Config::check`] has refused before.
+/// What [`MachinesConfig::check`] has refused before.
 fn mismatch() -> TrainError {
     TrainError::Config("this classifier does not see this representation".to_owned())
 }
