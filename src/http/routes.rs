@@ -2,11 +2,13 @@
 
 mod events;
 mod health;
+mod live;
 mod metrics;
 mod models;
 mod oip;
 mod recognize;
 mod robots;
+mod service;
 mod session;
 mod stream;
 
@@ -86,6 +88,11 @@ fn of_viewers() -> OpenApiRouter<App> {
         .routes(routes!(events::events))
         .routes(routes!(robots::list_robots))
         .routes(routes!(robots::show_robot))
+        .routes(routes!(robots::show_frame))
+        .routes(routes!(live::watch_robots))
+        .routes(routes!(service::show_service))
+        .routes(routes!(service::show_history))
+        .routes(routes!(models::show_map))
         .routes(routes!(metrics::scrape))
         .merge(oip::viewers())
 }
