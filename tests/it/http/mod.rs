@@ -1,6 +1,7 @@
 //! The service as its callers see it, over real sockets.
 
 mod access;
+mod alerts;
 mod calls;
 mod command;
 mod default_model;
@@ -11,6 +12,7 @@ mod load;
 mod metrics;
 mod misread;
 mod models;
+mod mqtt;
 mod oip;
 mod operate;
 mod proxy;
@@ -24,3 +26,4 @@ mod stream_resume;
 mod tls;
 mod trace;
 mod upload;
+mod webhooks;
