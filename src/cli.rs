@@ -19,6 +19,7 @@ mod manners;
 mod mistakes;
 mod models;
 mod output;
+mod progress_lines;
 mod recognize;
 mod replay;
 mod serve;

@@ -7,6 +7,7 @@
 //! | [`settings`] | what an operator may set |
 //! | [`repository`] | which versions of which models there are, on a disk or in a bucket |
 //! | [`engine`] | what answers frames; it knows no HTTP |
+//! | [`teaching`] | what people teach the service: data sets, the inbox, trainings |
 //! | [`http`] | the HTTP service |
 //! | [`cli`] | the commands |
 //!
@@ -22,6 +23,8 @@ pub mod settings;
 pub mod repository;
 
 pub mod engine;
+
+pub mod teaching;
 
 pub mod http;
 

@@ -129,7 +129,8 @@ fn complete(mut response: Response, context: &RequestContext, form: ErrorForm) -
         (header::CONTENT_SECURITY_POLICY, CONTENT_POLICY),
         (header::CACHE_CONTROL, "no-store"),
     ] {
-        headers.insert(name, HeaderValue::from_static(value));
+        // The page and pictures say it themselves.
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     response
 }

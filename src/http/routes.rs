@@ -1,21 +1,24 @@
 //! The paths of the API, grouped by who may call them.
 
+mod audit;
 mod events;
 mod health;
+mod keys;
 mod metrics;
 mod models;
 mod oip;
 mod recognize;
 mod robots;
 mod session;
+mod sets;
 mod stream;
+mod trainings;
 
 use super::asyncapi::stream_document;
 use super::openapi::{Description, accept_sessions};
-use super::{App, auth, cors, observe};
+use super::{App, auth, cors, observe, page};
 use axum::extract::DefaultBodyLimit;
 use axum::middleware::from_fn_with_state;
-use axum::response::Redirect;
 use axum::routing::get;
 use axum::{Json, Router};
 use std::sync::Arc;
@@ -42,7 +45,8 @@ pub fn router(app: App) -> Router {
         .merge(documentation)
         .route("/openapi.json", get(async move || Json(document)))
         .route("/asyncapi.json", get(|| async { Json(stream_document()) }))
-        .route("/", get(|| async { Redirect::temporary("docs/") }))
+        .route("/", get(page::index))
+        .route("/assets/{*path}", get(page::asset))
         // Forms have limits of our own, see `body`.
         .layer(DefaultBodyLimit::disable())
         .layer(CatchPanicLayer::custom(observe::panicked));
@@ -87,11 +91,21 @@ fn of_viewers() -> OpenApiRouter<App> {
         .routes(routes!(robots::list_robots))
         .routes(routes!(robots::show_robot))
         .routes(routes!(metrics::scrape))
+        .routes(routes!(sets::list_sets))
+        .routes(routes!(sets::show_set))
+        .routes(routes!(sets::list_frames))
+        .routes(routes!(sets::show_picture))
+        .routes(routes!(sets::show_check))
+        .routes(routes!(trainings::list_trainings))
+        .routes(routes!(trainings::show_training))
+        .routes(routes!(audit::list_audit))
         .merge(oip::viewers())
 }
 
 fn of_holders() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(session::sign_in, session::sign_out)).merge(oip::holders())
+    OpenApiRouter::new()
+        .routes(routes!(session::sign_in, session::sign_out, session::show_session))
+        .merge(oip::holders())
 }
 
 fn of_admins() -> OpenApiRouter<App> {
@@ -101,11 +115,22 @@ fn of_admins() -> OpenApiRouter<App> {
         .routes(routes!(models::rollback))
         .routes(routes!(models::set_default))
         .routes(routes!(models::set_label, models::remove_label))
+        .routes(routes!(sets::create_set, sets::remove_set))
+        .routes(routes!(sets::add_frames))
+        .routes(routes!(sets::change_set))
+        .routes(routes!(sets::undo_change))
+        .routes(routes!(sets::begin_check))
+        .routes(routes!(trainings::begin_training))
+        .routes(routes!(trainings::cancel_training))
+        .routes(routes!(trainings::publish_training))
+        .routes(routes!(keys::list_keys, keys::make_key))
+        .routes(routes!(keys::revoke_key))
         .merge(oip::admins())
 }
 
 fn of_anyone() -> OpenApiRouter<App> {
     OpenApiRouter::new()
+        .routes(routes!(session::sign_in_by_code))
         .routes(routes!(health::live))
         .routes(routes!(health::ready))
         .routes(routes!(health::show_problem))

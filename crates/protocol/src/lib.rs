@@ -6,16 +6,24 @@
 //! | [`stream`] | the messages of a stream, `roomsight.v1` over a WebSocket |
 //! | [`header`] | the optional header of a streamed frame |
 //! | [`event`] | what dashboards are told |
+//! | [`sets`] | data sets that the service keeps |
+//! | [`inbox`] | frames that the model doubted, and what people say of them |
+//! | [`training`] | trainings that the service runs |
+//! | [`audit`] | who changed what |
 //! | [`oip`] | the Open Inference Protocol |
 //! | [`base64_text`] | frames in JSON, as people's libraries write them |
 //! | [`version_id`] | how models and versions are called |
 //! | [`object`] | JSON objects that are nothing else |
 
+pub mod audit;
 pub mod base64_text;
 pub mod event;
 pub mod header;
+pub mod inbox;
 pub mod object;
 pub mod oip;
 pub mod rest;
+pub mod sets;
 pub mod stream;
+pub mod training;
 pub mod version_id;

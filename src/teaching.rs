@@ -1,0 +1,103 @@
+//! What people teach the service, and what they decide: all of it lies in one folder, the setting `data`.
+//!
+//! | file | what |
+//! |---|---|
+//! | `store` | the database: opened, brought up to date, copied |
+//! | `pictures` | pictures by their content, and small ones of them |
+//! | `sets` | data sets: folders that `train` reads; see there |
+//! | `trainings` | trainings, in processes of their own; see there |
+//! | `keys` | keys that were made here |
+//! | `audit` | who changed what |
+//! | `command` | commands of this program that run aside |
+//! | `error` | why something is not done |
+//!
+//! ```text
+//! DATA/roomsight.db       labels, changes, trainings, keys, the audit
+//! DATA/sets/SET/ROOM/DRIVE/FRAME.jpg
+//! DATA/inbox/ab/abcdef....jpg
+//! DATA/removed/           frames that a change took away, until they are old
+//! DATA/trainings/7/       what a training wrote
+//! ```
+//!
+//! What was acknowledged is there after the process was killed at any moment: a change of a data set is written down
+//! before its files are moved, and finished at the next start.
+
+mod audit;
+mod command;
+mod error;
+mod keys;
+mod pictures;
+mod sets;
+mod store;
+mod trainings;
+
+pub use audit::Audit;
+pub use error::TeachingError;
+pub use keys::{KeyMade, MadeKeys};
+pub use pictures::{small_picture, type_of};
+pub use sets::{FrameFile, NewFrame, Place, Sets};
+pub use store::Store;
+pub use trainings::{Trainer, Trainings};
+
+use crate::settings::Settings;
+use roomsight_protocol::sets::SetChange;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// The file whose lock says that a service uses the folder.
+const LOCK_FILE: &str = ".lock";
+
+/// All that is kept in the data directory.
+pub struct Teaching {
+    pub audit: Audit,
+    pub keys: MadeKeys,
+    pub sets: Arc<Sets>,
+    pub trainings: Arc<Trainings>,
+    /// Held while the service runs.
+    _lock: File,
+}
+
+/// Who does something: the name of a key, or an address.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Who<'a>(pub &'a str);
+
+impl Teaching {
+    /// Opens the data directory, which is made where it is not there, and finishes what was begun.
+    ///
+    /// # Errors
+    /// A folder that cannot be written, that another service uses, or of a newer version.
+    pub fn open(folder: &Path, settings: &Settings) -> Result<Self, TeachingError> {
+        fs::create_dir_all(folder).map_err(TeachingError::io(folder))?;
+        let folder = folder.canonicalize().map_err(TeachingError::io(folder))?;
+        let lock = lock(&folder)?;
+        let store = Arc::new(Store::open(&folder)?);
+        let audit = Audit::new(store.clone());
+        let sets = Arc::new(Sets::open(&folder, store.clone(), settings.frame_limits())?);
+        Ok(Self {
+            keys: MadeKeys::new(store.clone()),
+            trainings: Arc::new(Trainings::open(&folder, store, sets.clone())?),
+            sets,
+            audit,
+            _lock: lock,
+        })
+    }
+
+    /// Undoes a change of a data set.
+    ///
+    /// # Errors
+    /// As of [`Sets::undo`].
+    pub fn undo(&self, set: &str, id: i64) -> Result<SetChange, TeachingError> {
+        self.sets.undo(set, id)
+    }
+}
+
+/// Takes the folder for this process.
+fn lock(folder: &Path) -> Result<File, TeachingError> {
+    let path: PathBuf = folder.join(LOCK_FILE);
+    let file = File::options().create(true).append(true).open(&path).map_err(TeachingError::io(&path))?;
+    match file.try_lock() {
+        Ok(()) => Ok(file),
+        Err(_) => Err(TeachingError::InUse(folder.to_owned())),
+    }
+}
