@@ -11,6 +11,7 @@
 //! | `answers`, `answer` | the frames of one request; what callers read of each |
 //! | `streams` | robots that send frames as they take them; see there |
 //! | `events`, `robots` | what dashboards are told |
+//! | `doubts` | frames that the model doubted, for whoever keeps them |
 //! | `metrics`, `scrape` | what is counted and measured, and its text |
 //! | `timings`, `spans`, `text` | where time goes, for answers and for traces; names that callers give |
 
@@ -18,6 +19,7 @@ pub mod answer;
 pub mod answers;
 pub mod bodies;
 pub mod caller;
+pub mod doubts;
 pub mod events;
 pub mod frame;
 pub mod metrics;
@@ -36,6 +38,7 @@ use crate::access::Keyring;
 use crate::repository::Repository;
 use crate::settings::Settings;
 use bodies::{Bodies, BodyLimits};
+use doubts::Doubts;
 use events::Events;
 use metrics::Metrics;
 use pool::{Pool, Size};
@@ -63,6 +66,7 @@ pub struct EngineState {
     pub bodies: Arc<Bodies>,
     pub streams: Streams,
     pub events: Events,
+    pub doubts: Doubts,
     pub metrics: Arc<Metrics>,
     pub stopping: CancellationToken,
 }
@@ -100,6 +104,7 @@ impl Engine {
             body_memory,
             bodies: Arc::new(bodies),
             events,
+            doubts: Doubts::default(),
             metrics,
             stopping: CancellationToken::new(),
             settings,

@@ -49,7 +49,7 @@ pub use reload::{ReloadError, Reloaded};
 pub use routes::{document, router};
 pub use tls::TlsError;
 
-use crate::access::Sites;
+use crate::access::{Role, Sites};
 use crate::engine::{Engine, EngineError};
 use crate::settings::{Settings, SettingsError};
 use crate::teaching::{Teaching, TeachingError, Trainer};
@@ -57,8 +57,12 @@ use observe::RequestIds;
 use refusals::Refusals;
 use std::ops::Deref;
 use std::sync::Arc;
+use std::time::Duration;
 use tls::Tls;
 use tokio::sync::Semaphore;
+
+/// The key of a service that had none.
+const OWNER: &str = "owner";
 
 /// The running service, without a socket. Cheap to clone; all clones are one.
 #[derive(Clone)]
@@ -109,6 +113,7 @@ impl App {
             .map(Arc::new);
         let engine = Engine::start(settings)?;
         if let Some(teaching) = &teaching {
+            teaching.connect(&engine)?;
             engine.keyring.replace(&teaching.keys.beside(&engine.settings.keys)?);
         }
         Ok(Self(Arc::new(AppState {
@@ -145,6 +150,38 @@ impl App {
     fn trainer(&self) -> Result<Trainer, TeachingError> {
         let teaching = self.teaching.clone().ok_or(TeachingError::NoData)?;
         Ok(Trainer { teaching, engine: self.engine.clone() })
+    }
+
+    /// Sees to it that there is a key of an admin. Where there was no key at all one is made, and what opens it is returned.
+    ///
+    /// # Errors
+    /// A service that keeps nothing.
+    pub fn owner(&self) -> Result<Option<String>, TeachingError> {
+        let teaching = self.teaching()?;
+        let _changing = teaching.keys.changing();
+        if !self.is_open() {
+            return Ok(None);
+        }
+        let (secret, _) = teaching.keys.make(Role::Admin, OWNER, &[], &[])?;
+        self.adopt_keys()?;
+        Ok(Some(secret))
+    }
+
+    /// A code that signs a browser in once, as an admin; none where there is no such key.
+    ///
+    /// # Errors
+    /// A system that gives no random numbers.
+    pub fn admin_code(&self, life: Duration) -> Result<Option<String>, TeachingError> {
+        let keys = self.engine.keyring.keys();
+        let admin = keys.into_iter().find(|key| key.role() == Role::Admin);
+        Ok(admin.map(|key| self.engine.keyring.begin_code(&Arc::new(key), life)).transpose()?)
+    }
+
+    /// Lets the keys of the settings and those that were made here be valid.
+    fn adopt_keys(&self) -> Result<(), TeachingError> {
+        let keys = self.teaching()?.keys.beside(&self.engine.settings.keys)?;
+        self.engine.keyring.replace(&keys);
+        Ok(())
     }
 
     /// Whether anyone may do everything, since there are no keys.

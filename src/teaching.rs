@@ -5,6 +5,7 @@
 //! | `store` | the database: opened, brought up to date, copied |
 //! | `pictures` | pictures by their content, and small ones of them |
 //! | `sets` | data sets: folders that `train` reads; see there |
+//! | `inbox` | frames that the model doubted, and their labels; see there |
 //! | `trainings` | trainings, in processes of their own; see there |
 //! | `keys` | keys that were made here |
 //! | `audit` | who changed what |
@@ -25,6 +26,7 @@
 mod audit;
 mod command;
 mod error;
+mod inbox;
 mod keys;
 mod pictures;
 mod sets;
@@ -33,24 +35,32 @@ mod trainings;
 
 pub use audit::Audit;
 pub use error::TeachingError;
+pub use inbox::Inbox;
 pub use keys::{KeyMade, MadeKeys};
 pub use pictures::{small_picture, type_of};
-pub use sets::{FrameFile, NewFrame, Place, Sets};
-pub use store::Store;
+pub use sets::{FrameFile, NewFrame, Place, Sets, check_room};
+pub use store::{DATABASE_FILE, Store};
 pub use trainings::{Trainer, Trainings};
 
+use crate::engine::Engine;
 use crate::settings::Settings;
 use roomsight_protocol::sets::SetChange;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::sync::mpsc::sync_channel;
+use std::thread;
 
 /// The file whose lock says that a service uses the folder.
 const LOCK_FILE: &str = ".lock";
 
+/// Frames that may wait to be kept.
+const N_DOUBTED: usize = 64;
+
 /// All that is kept in the data directory.
 pub struct Teaching {
     pub audit: Audit,
+    pub inbox: Arc<Inbox>,
     pub keys: MadeKeys,
     pub sets: Arc<Sets>,
     pub trainings: Arc<Trainings>,
@@ -75,6 +85,7 @@ impl Teaching {
         let audit = Audit::new(store.clone());
         let sets = Arc::new(Sets::open(&folder, store.clone(), settings.frame_limits())?);
         Ok(Self {
+            inbox: Arc::new(Inbox::open(&folder, store.clone(), sets.clone())?),
             keys: MadeKeys::new(store.clone()),
             trainings: Arc::new(Trainings::open(&folder, store, sets.clone())?),
             sets,
@@ -83,12 +94,39 @@ impl Teaching {
         })
     }
 
+    /// Keeps what the engine doubts, by the rule that people have set, for as long as the engine runs.
+    ///
+    /// # Errors
+    /// A database that cannot be read, a thread that cannot be started.
+    pub fn connect(&self, engine: &Engine) -> Result<(), TeachingError> {
+        let (keeper, doubted) = sync_channel(N_DOUBTED);
+        engine.doubts.connect(keeper);
+        engine.doubts.adopt(&self.inbox.rule()?);
+        let inbox = self.inbox.clone();
+        let keep = move || {
+            let mut was_kept = true;
+            for frame in doubted {
+                let kept = inbox.keep(frame);
+                if let Err(error) = &kept
+                    && was_kept
+                {
+                    tracing::error!(%error, "frames that are doubted cannot be kept");
+                }
+                was_kept = kept.is_ok();
+            }
+        };
+        let thread = thread::Builder::new().name("inbox".to_owned()).spawn(keep);
+        thread.map(drop).map_err(TeachingError::io(Path::new("inbox")))
+    }
+
     /// Undoes a change of a data set.
     ///
     /// # Errors
     /// As of [`Sets::undo`].
     pub fn undo(&self, set: &str, id: i64) -> Result<SetChange, TeachingError> {
-        self.sets.undo(set, id)
+        let change = self.sets.undo(set, id)?;
+        self.inbox.forget_labels(set)?;
+        Ok(change)
     }
 }
 

@@ -1,5 +1,7 @@
 //! `roomsight serve`: the HTTP service.
 
+mod lan;
+
 use super::mistakes::nearest;
 use super::output::say;
 use super::{limits, log};
@@ -44,6 +46,10 @@ pub(super) struct ServeArgs {
     /// Where to listen [default: 127.0.0.1:8080]
     #[arg(long, value_name = "HOST:PORT")]
     listen: Option<String>,
+    /// Let phones and laptops of this network in: listen on all addresses, over TLS with a certificate that is made here once,
+    /// and print an address and a QR code that signs a phone in
+    #[arg(long, requires = "data")]
+    lan: bool,
     /// Threads that recognize [default: one a core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -66,7 +72,10 @@ pub(super) struct ServeArgs {
 
 /// Serves until told to stop.
 pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
-    let settings = Settings::load(args.config.as_deref(), environment(), flags(args))?;
+    let mut settings = Settings::load(args.config.as_deref(), environment(), flags(args))?;
+    if args.lan && !args.print_config {
+        lan::prepare(&mut settings, args.listen.is_none())?;
+    }
     if args.print_config {
         say!("{}", settings.to_toml()?.trim_end())?;
         return Ok(());
@@ -89,6 +98,7 @@ fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
         hangups()
     };
     let app = App::start(settings)?;
+    let owner = if args.lan { app.owner()? } else { None };
     if app.is_open() && !allows_anyone {
         bail!(
             "others could reach {address} without a key: make one with `roomsight key new`, \
@@ -103,6 +113,9 @@ fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
             tracing::info!("listening on {url}, which shows a page; documentation at {url}/docs");
         } else {
             tracing::info!("listening on {url}, documentation at {url}/docs; this program was built without the page");
+        }
+        if args.lan {
+            lan::invite(&app, owner.as_deref(), listener.local_addr()?.port())?;
         }
         if !address.ip().is_loopback() && !app.speaks_tls() {
             tracing::warn!(

@@ -3,6 +3,7 @@
 mod audit;
 mod events;
 mod health;
+mod inbox;
 mod keys;
 mod metrics;
 mod models;
@@ -96,6 +97,10 @@ fn of_viewers() -> OpenApiRouter<App> {
         .routes(routes!(sets::list_frames))
         .routes(routes!(sets::show_picture))
         .routes(routes!(sets::show_check))
+        .routes(routes!(inbox::list_inbox))
+        .routes(routes!(inbox::show_rule))
+        .routes(routes!(inbox::show_policy))
+        .routes(routes!(inbox::show_inbox_picture))
         .routes(routes!(trainings::list_trainings))
         .routes(routes!(trainings::show_training))
         .routes(routes!(audit::list_audit))
@@ -120,6 +125,11 @@ fn of_admins() -> OpenApiRouter<App> {
         .routes(routes!(sets::change_set))
         .routes(routes!(sets::undo_change))
         .routes(routes!(sets::begin_check))
+        .routes(routes!(inbox::add_wrong))
+        .routes(routes!(inbox::set_rule))
+        .routes(routes!(inbox::set_policy))
+        .routes(routes!(inbox::label_frames))
+        .routes(routes!(inbox::discard_frames))
         .routes(routes!(trainings::begin_training))
         .routes(routes!(trainings::cancel_training))
         .routes(routes!(trainings::publish_training))

@@ -22,7 +22,7 @@ mod folder;
 mod names;
 
 pub use add::NewFrame;
-pub use names::Place;
+pub use names::{Place, check_room};
 
 use super::TeachingError;
 use super::pictures::type_of;
@@ -262,3 +262,6 @@ impl Sets {
         self.checks.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
+
+#[cfg(test)]
+mod tests;

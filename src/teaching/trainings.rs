@@ -5,7 +5,9 @@
 //! | `run` | the process, what it says, how it ends |
 //! | `records` | what is kept of trainings |
 //! | `publish` | a trained model becomes a version |
+//! | `policy` | what follows from labels by itself |
 
+mod policy;
 mod publish;
 mod records;
 mod run;
@@ -111,6 +113,11 @@ impl Trainings {
                 Err(TeachingError::Conflict(format!("the training {id} has ended")))
             }
         }
+    }
+
+    /// Whether one runs.
+    pub fn is_busy(&self) -> bool {
+        self.running().is_some()
     }
 
     /// Ends what runs, since the service stops.

@@ -85,6 +85,8 @@ pub enum Deed {
     Change,
     /// A change of a data set was undone.
     Undo,
+    /// A frame was called answered wrong.
+    Wrong,
     /// Frames of the inbox were labelled.
     LabelFrames,
     /// Other things follow from labels by themselves.

@@ -8,7 +8,7 @@ use crate::http::by::By;
 use crate::http::openapi::{AddProblems, TeachingProblems};
 use crate::http::routes::session;
 use crate::problem::Problem;
-use crate::teaching::{KeyMade, Teaching, TeachingError};
+use crate::teaching::{KeyMade, TeachingError};
 use axum::Json;
 use axum::extract::{Path, Request, State};
 use axum::http::header::SET_COOKIE;
@@ -122,7 +122,7 @@ pub async fn make_key(
             return Err(Problem::from(TeachingError::Conflict(first.to_owned())));
         }
         let (secret, key) = teaching.keys.make(role, &name, &robots, &app.engine.keyring.keys())?;
-        adopt(app, teaching)?;
+        app.adopt_keys()?;
         by.did(app, Deed::KeyMade, &name, &role.to_string());
         Ok((was_open, NewKey { key: secret, name, role }, key))
     })
@@ -168,15 +168,9 @@ pub async fn revoke_key(
                 TeachingError::Absent(format!("there is no key {name:?}; GET /v1/keys lists them")).into()
             );
         }
-        adopt(app, teaching)?;
+        app.adopt_keys()?;
         by.did(app, Deed::KeyRevoked, &name, "");
         Ok(StatusCode::NO_CONTENT)
     })
     .await
-}
-
-/// Lets the keys that are kept now be valid.
-fn adopt(app: &App, teaching: &Teaching) -> Result<(), TeachingError> {
-    app.engine.keyring.replace(&teaching.keys.beside(&app.engine.settings.keys)?);
-    Ok(())
 }

@@ -26,7 +26,7 @@ impl Place {
     pub fn new(room: &str, drive: Option<&str>) -> Result<Self, TeachingError> {
         let drive = drive.unwrap_or_default();
         let drive = if drive.is_empty() { String::new() } else { checked(drive, "drive")? };
-        Ok(Self { room: checked(room, "room")?, drive })
+        Ok(Self { room: check_room(room)?, drive })
     }
 
     /// The path of a file there, in the set.
@@ -57,7 +57,7 @@ impl<'a> FramePath<'a> {
         let is_plain = |part: &&str| {
             !part.is_empty() && !part.starts_with('.') && !part.contains(['\\', '\0']) && part.len() <= 255
         };
-        if !parts.iter().all(|part| is_plain(part)) {
+        if !parts.iter().all(is_plain) {
             return Err(wrong());
         }
         let (room, drive, file) = match parts[..] {
@@ -79,6 +79,14 @@ impl<'a> FramePath<'a> {
         let (stem, extension) = self.file.rsplit_once('.').unwrap_or((self.file, ""));
         [stem, extension]
     }
+}
+
+/// A room's name as it is kept.
+///
+/// # Errors
+/// A name that cannot be a folder.
+pub fn check_room(name: &str) -> Result<String, TeachingError> {
+    checked(name, "room")
 }
 
 /// Holds that a set can be called so.

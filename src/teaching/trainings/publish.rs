@@ -27,7 +27,8 @@ impl Trainer {
     /// As of [`Trainings::begin`](super::Trainings::begin).
     pub fn begin(&self, who: Who, wanted: &TrainingJson) -> Result<TrainingInfo, TeachingError> {
         let beside = self.beside(&wanted.model);
-        self.teaching.trainings.begin(who, wanted, beside.as_ref(), |_| ())
+        let trainer = self.clone();
+        self.teaching.trainings.begin(who, wanted, beside.as_ref(), move |info| trainer.ended(info))
     }
 
     /// The version that serves as stable under a name, for a new one to be compared with.
