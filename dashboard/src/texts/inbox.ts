@@ -1,0 +1,4 @@
+/** Texts of the page Inbox. */
+export const text = {
+  title: "Inbox",
+};

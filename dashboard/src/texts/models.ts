@@ -1,0 +1,4 @@
+/** Texts of the page Models. */
+export const text = {
+  title: "Models",
+};

@@ -1,0 +1,4 @@
+/** Texts of the page Service. */
+export const text = {
+  title: "Service",
+};

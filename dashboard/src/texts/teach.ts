@@ -1,0 +1,4 @@
+/** Texts of the page Teach. */
+export const text = {
+  title: "Teach",
+};

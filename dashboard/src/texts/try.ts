@@ -1,0 +1,4 @@
+/** Texts of the page Try. */
+export const text = {
+  title: "Try",
+};
