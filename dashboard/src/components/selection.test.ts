@@ -35,7 +35,10 @@ describe("a click", () => {
 
 describe("keys", () => {
   const press = (keys: string[], held = ALONE, from = NOTHING) =>
-    keys.reduce((selection, key) => pressed(selection, ITEMS, key, held, LAYOUT) ?? selection, from);
+    keys.reduce(
+      (selection, key) => pressed(selection, ITEMS, key, held, LAYOUT) ?? selection,
+      from,
+    );
 
   it("move without selecting", () => {
     expect(press(["ArrowDown", "ArrowRight"])).toMatchObject({ focus: 4, names: new Set() });

@@ -37,7 +37,12 @@ function toggled(names: ReadonlySet<string>, name: string): Set<string> {
 }
 
 /** After a click: alone it selects one, with ctrl it adds or takes away, with shift it selects a range. */
-export function clicked(selection: Selection, items: readonly string[], index: number, held: Held): Selection {
+export function clicked(
+  selection: Selection,
+  items: readonly string[],
+  index: number,
+  held: Held,
+): Selection {
   const name = items[index];
   if (name === undefined) {
     return selection;
@@ -94,7 +99,9 @@ export function pressed(
   }
   if (key === " ") {
     const name = items[focus];
-    return name === undefined ? undefined : { names: toggled(selection.names, name), focus, anchor: focus };
+    return name === undefined
+      ? undefined
+      : { names: toggled(selection.names, name), focus, anchor: focus };
   }
   if (held.ctrl && key.toLowerCase() === "a") {
     return { ...selection, names: new Set(items), anchor: 0 };
@@ -104,7 +111,11 @@ export function pressed(
     return undefined;
   }
   if (held.shift) {
-    return { names: new Set(range(items, selection.anchor, target)), focus: target, anchor: selection.anchor };
+    return {
+      names: new Set(range(items, selection.anchor, target)),
+      focus: target,
+      anchor: selection.anchor,
+    };
   }
   return { names: selection.names, focus: target, anchor: target };
 }
@@ -114,7 +125,11 @@ export function kept(selection: Selection, items: readonly string[]): Selection 
   const there = new Set(items);
   const names = new Set([...selection.names].filter((name) => there.has(name)));
   const last = Math.max(items.length - 1, 0);
-  return { names, focus: Math.min(selection.focus, last), anchor: Math.min(selection.anchor, last) };
+  return {
+    names,
+    focus: Math.min(selection.focus, last),
+    anchor: Math.min(selection.anchor, last),
+  };
 }
 
 /** What an action is about: the selected items in their order or, where there are none, the one that has the focus. */

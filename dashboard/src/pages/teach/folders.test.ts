@@ -3,7 +3,9 @@ import { chunks, levelOfRooms, named, pictures, placed } from "./folders";
 
 const files = (...paths: string[]) => paths.map((path) => ({ path, item: path }));
 const where = (level: number, ...paths: string[]) =>
-  placed(files(...paths), level, "unnamed", "upload").map(({ room, drive, name }) => [room, drive, name].join(" | "));
+  placed(files(...paths), level, "unnamed", "upload").map(({ room, drive, name }) =>
+    [room, drive, name].join(" | "),
+  );
 
 describe("the rooms of folders", () => {
   it("lie in the folder that was dropped", () => {
@@ -38,7 +40,9 @@ describe("the rooms of folders", () => {
 });
 
 it("what systems leave is no picture", () => {
-  const left = pictures(files("a/.DS_Store", "a/@eaDir/1.jpg", "a/Thumbs.db", "__MACOSX/a/1.jpg", "a/1.jpg"));
+  const left = pictures(
+    files("a/.DS_Store", "a/@eaDir/1.jpg", "a/Thumbs.db", "__MACOSX/a/1.jpg", "a/1.jpg"),
+  );
   expect(left.map(({ path }) => path)).toEqual(["a/1.jpg"]);
 });
 
@@ -50,7 +54,18 @@ it("names cannot lead elsewhere", () => {
 
 it("chunks are of one drive and not too large", () => {
   const of = (drive: string, item: number) => ({ room: "hall", drive, name: String(item), item });
-  const all = [of("a", 1), of("a", 2), of("a", 9), of("a", 1), of("b", 1), of("b", 1), of("b", 1), of("b", 1)];
-  const sizes = chunks(all, (item) => item, { files: 3, bytes: 5 }).map((chunk) => chunk.map(({ item }) => item));
+  const all = [
+    of("a", 1),
+    of("a", 2),
+    of("a", 9),
+    of("a", 1),
+    of("b", 1),
+    of("b", 1),
+    of("b", 1),
+    of("b", 1),
+  ];
+  const sizes = chunks(all, (item) => item, { files: 3, bytes: 5 }).map((chunk) =>
+    chunk.map(({ item }) => item),
+  );
   expect(sizes).toEqual([[1, 2], [9], [1], [1, 1, 1], [1]]);
 });

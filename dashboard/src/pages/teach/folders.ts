@@ -56,7 +56,14 @@ export function placed<Item>(
 
 /** A name for a room or a drive, which is a folder's name and nothing else. */
 export function named(name: string): string {
-  return name.replaceAll(/[/\\\p{Cc}]/gu, "-").replace(/^\.+/, "").trim().slice(0, 64).trim() || "unnamed";
+  return (
+    name
+      .replaceAll(/[/\\\p{Cc}]/gu, "-")
+      .replace(/^\.+/, "")
+      .trim()
+      .slice(0, 64)
+      .trim() || "unnamed"
+  );
 }
 
 /** Chunks of a few files of the same room and drive, none larger than `bytes` unless by a single file. */

@@ -1,5 +1,13 @@
 import { describe, expect, it } from "vitest";
-import { EMPTY, ENOUGH, PLENTY, considered, driveName, progress, type Recording } from "./recording";
+import {
+  EMPTY,
+  ENOUGH,
+  PLENTY,
+  considered,
+  driveName,
+  progress,
+  type Recording,
+} from "./recording";
 import type { View } from "./view";
 
 /** A view in a direction: those of other directions have nothing in common. */

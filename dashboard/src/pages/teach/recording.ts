@@ -49,7 +49,10 @@ function decide(recording: Recording, view: View): Decision {
 }
 
 /** After a frame was looked at. */
-export function considered(recording: Recording, view: View): Recording & { readonly last: Decision } {
+export function considered(
+  recording: Recording,
+  view: View,
+): Recording & { readonly last: Decision } {
   const last = decide(recording, view);
   return {
     taken: last === "taken" ? [...recording.taken, view] : recording.taken,

@@ -52,7 +52,9 @@ export class Sender<Parcel> {
 
   /** Whether another parcel would be taken. */
   get hasRoom(): boolean {
-    return !this.isClosed && this.parcels.length < this.options.capacity && this.held?.then !== "stop";
+    return (
+      !this.isClosed && this.parcels.length < this.options.capacity && this.held?.then !== "stop"
+    );
   }
 
   /** Takes a parcel, unless too many wait. */

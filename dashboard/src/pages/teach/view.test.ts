@@ -18,7 +18,9 @@ const smeared = picture((x) => 120 + 80 * Math.sin((2 * Math.PI * x) / 16));
 
 describe("sharpness", () => {
   it("is larger of edges than of slopes, and none of a wall", () => {
-    const [sharp, blurred, wall] = [stripes(0), smeared, picture(() => 128)].map((pixels) => sharpness(lumaOf(pixels)));
+    const [sharp, blurred, wall] = [stripes(0), smeared, picture(() => 128)].map((pixels) =>
+      sharpness(lumaOf(pixels)),
+    );
     expect(sharp).toBeGreaterThan(4 * blurred!);
     expect(wall).toBe(0);
   });

@@ -1,0 +1,4 @@
+/** Texts of parts that the pages Teach and Inbox share. */
+export const text = {
+  pictureMissing: "No picture",
+};
