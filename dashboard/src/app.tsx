@@ -1,4 +1,5 @@
 import { useEffect, useErrorBoundary, useRef, useState } from "preact/hooks";
+import { messageOf } from "./api/client";
 import { signInWithCode } from "./api/session";
 import { Button } from "./components/button";
 import { Confirmations } from "./components/dialog";
@@ -86,9 +87,9 @@ export function App() {
 }
 
 function Shown({ page, rest }: { page: Page; rest: string[] }) {
-  const [failure, reset] = useErrorBoundary();
+  const [failure, reset] = useErrorBoundary() as [unknown, () => void];
   if (failure !== undefined) {
-    return <ErrorNote error={`${text.partFailed} ${String(failure)}`} onRetry={reset} />;
+    return <ErrorNote error={`${text.partFailed} ${messageOf(failure)}`} onRetry={reset} />;
   }
   const Component = COMPONENTS[page];
   return <Component rest={rest} />;

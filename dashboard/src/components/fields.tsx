@@ -47,6 +47,8 @@ export function TextField(
   },
 ) {
   const listId = useId();
+  // The types of JSX allow a list with some types only; it is given with those alone.
+  const type = (props.type ?? "text") as "text";
   return (
     <Field {...props}>
       {({ id, described }) => (
@@ -54,7 +56,7 @@ export function TextField(
           <input
             id={id}
             class="input"
-            type={props.type as "text"}
+            type={type}
             value={props.value}
             onInput={(event) => props.onInput(event.currentTarget.value)}
             aria-describedby={described}
