@@ -111,8 +111,15 @@ function details(set) {
     changes: set.changes
       .slice(-20)
       .reverse()
-      .map(({ before: _, ...change }) => change),
+      .map((change) => told(change)),
   };
+}
+
+/** A change as the service tells it. */
+function told(change) {
+  const copy = { ...change };
+  delete copy.before;
+  return copy;
 }
 
 /** Changes a set, so that it can be undone. */
@@ -132,8 +139,7 @@ function change(set, action, text, count, work) {
   };
   set.changes.push(made);
   noteAudit("change", set.name, text);
-  const { before: _, ...told } = made;
-  return told;
+  return told(made);
 }
 
 function moved(set, one, room, drive) {
@@ -209,8 +215,7 @@ function undone(set, id) {
   Object.assign(set, { frames: found.before.frames, rooms: found.before.rooms });
   found.undone = true;
   noteAudit("undo", set.name, found.text);
-  const { before: _, ...told } = found;
-  return json(200, told);
+  return json(200, told(found));
 }
 
 /** The names of the files of a form, or of the one picture of a body. */

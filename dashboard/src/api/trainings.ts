@@ -144,8 +144,8 @@ export interface Report {
   comparison?: Comparison;
 }
 
-export const listTrainings = (signal?: AbortSignal) =>
-  call<{ trainings: Training[] }>("v1/trainings", { signal });
+export const listTrainings = async (signal?: AbortSignal) =>
+  (await call<{ trainings: Training[] }>("v1/trainings", { signal })).trainings;
 
 export const getTraining = (id: number, signal?: AbortSignal) =>
   call<Training>(`v1/trainings/${id}`, { signal });

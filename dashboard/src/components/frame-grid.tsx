@@ -1,6 +1,7 @@
 import type { ComponentChildren } from "preact";
 import { useEffect, useId, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { text } from "../texts/frames";
+import "./frame-grid.css";
 import { clicked, pressed, type Held, type Selection } from "./selection";
 import { gridOf, revealed, windowOf, type Grid, type Window } from "./frame-layout";
 

@@ -41,8 +41,15 @@ function reaches<T>(state: State<T>, index: number): boolean {
   return state.items.length > index || (state.next === undefined && !state.loading);
 }
 
-/** Loads a long list part by part; from the beginning whenever `inputs` change. */
-export function usePaged<T>(loadPage: LoadPage<T>, inputs: readonly unknown[]): Paged<T> {
+/**
+ * Loads a long list part by part; from the beginning whenever `inputs` change. Whenever `version` changes, what was loaded is
+ * loaded again.
+ */
+export function usePaged<T>(
+  loadPage: LoadPage<T>,
+  inputs: readonly unknown[],
+  version = 0,
+): Paged<T> {
   const [state, setState] = useState<State<T>>({ items: [], total: 0, loading: true });
   const [round, setRound] = useState(0);
   const latest = useRef({ state, loadPage, wanted: 0, running: Promise.resolve() });
@@ -81,13 +88,16 @@ export function usePaged<T>(loadPage: LoadPage<T>, inputs: readonly unknown[]): 
     return () => abort.current.abort();
   }, [...inputs, signIns.value]);
 
+  const reloads = useRef({ round, version });
   useEffect(() => {
-    if (round === 0) return;
+    // The first time what is there is loaded anyway.
+    if (reloads.current.round === round && reloads.current.version === version) return;
+    reloads.current = { round, version };
     abort.current.abort();
     abort.current = new AbortController();
     latest.current.wanted = Math.max(latest.current.state.items.length - 1, 0);
     latest.current.running = run({ items: [], total: 0, loading: true }, true);
-  }, [round]);
+  }, [round, version]);
 
   const need = useCallback((index: number) => {
     latest.current.wanted = Math.max(latest.current.wanted, index);
