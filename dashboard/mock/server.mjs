@@ -7,6 +7,7 @@ import { problem } from "./answers.mjs";
 import { auditCall } from "./audit.mjs";
 import { liveCall, liveEvents, robotsCall } from "./robots.mjs";
 import { mapCall, modelsCall } from "./models.mjs";
+import { pageCall } from "./page.mjs";
 import { recognizeCall } from "./recognize.mjs";
 import { keysCall, serviceCall } from "./service.mjs";
 import { sessionCall, whoIs } from "./session.mjs";
@@ -43,6 +44,7 @@ async function answerTo(incoming, url) {
     body,
     json: () => JSON.parse(body.toString() || "{}"),
   };
+  if (!url.pathname.startsWith("/v1/")) return pageCall(url);
   if (!url.pathname.startsWith("/v1/session") && !whoIs(request)) {
     return problem(401, "unauthorized", "Sign in with a key.");
   }

@@ -19,8 +19,6 @@ export const signIns = signal(0);
 /** What the service says of itself; undefined until it did. */
 export const service = signal<ServiceInfo | undefined>(undefined);
 
-const RANKS: Record<Role, number> = { robot: 0, viewer: 1, admin: 2 };
-
 const role = computed<Role | undefined>(() => {
   const state = session.value;
   if (state.kind !== "in") return undefined;
@@ -28,10 +26,9 @@ const role = computed<Role | undefined>(() => {
   return state.info.role ?? "admin";
 });
 
-/** Why something that takes this role is not allowed; undefined where it is. */
+/** Why something that takes this role is not allowed; undefined where it is. An admin may do everything. */
 export function blockedFor(needed: Role): string | undefined {
-  const has = role.value;
-  return has && RANKS[has] >= RANKS[needed] ? undefined : text.needsRole(needed);
+  return role.value === "admin" || role.value === needed ? undefined : text.needsRole(needed);
 }
 
 /** The same for what also needs the data directory. */

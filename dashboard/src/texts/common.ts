@@ -64,6 +64,7 @@ export const text = {
 
   known: "Known",
   notKnown: "Not known",
+  noRoom: "No room yet",
   elsewhere: "elsewhere",
   reasons: {
     unsure: "unsure which room",
@@ -72,5 +73,28 @@ export const text = {
     dark: "too dark",
     covered: "camera covered",
   },
+  keypoints: (n: number) => `${n} keypoints`,
+  evidence: "What spoke for and against the room",
+  evidenceFor: "for the room",
+  evidenceAgainst: "against it",
+  evidenceShared: "shared with the chosen training frame",
+  nearest: "Training frames most like it",
+  nearestNone: "The model names none.",
+  nearestBy: (opinion: string) => `as ${opinion} sees it`,
+  nearestShow: (path: string) => `Show what the frame shares with ${path}`,
+  likeness: (share: string) => `${share} alike`,
+  timings: "Where the time went",
+
+  wrong: "Wrong",
+  wrongTitle: "Correct an answer",
+  wrongLead: "The frame goes to the inbox, where it waits to be learned from.",
+  wrongAnswered: (room: string) => `Answered: ${room}`,
+  wrongWhich: "Which room is it really?",
+  wrongElsewhere: "None of these rooms",
+  wrongUnsure: "I don’t know",
+  wrongSend: "Send to the inbox",
+  wrongSent: "The frame is in the inbox.",
+  wrongNoFrame: "There is no frame to send.",
+
   stages: { queue: "Queue", decode: "Decode", features: "Features", classify: "Classify" },
 };
