@@ -52,6 +52,15 @@ export async function checkSession(): Promise<void> {
   }
 }
 
+/** Finds out whether the session still stands; where it does not, signing in is asked for. */
+export async function probeSession(): Promise<void> {
+  try {
+    await getSession();
+  } catch {
+    // A refusal was heard of where the answer came in; without an answer there is nothing to say.
+  }
+}
+
 export async function signOut(): Promise<void> {
   await endSession();
   session.value = { kind: "out", before: false };

@@ -60,11 +60,14 @@ export function ExplainedFrame(props: {
   children?: ComponentChildren;
 }) {
   const [size, setSize] = useState<Size>();
+  const [failed, setFailed] = useState(false);
+  if (failed) return <p class="explained cannot-show muted">{text.cannotShow}</p>;
   return (
     <div class="explained">
       <img
         src={props.src}
         alt={props.alt}
+        onError={() => setFailed(true)}
         onLoad={({ currentTarget: { naturalWidth, naturalHeight } }) =>
           setSize({ width: naturalWidth, height: naturalHeight })
         }

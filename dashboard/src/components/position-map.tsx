@@ -45,10 +45,10 @@ export function PositionMap(props: {
       aria-label={props.label}
     >
       {dots}
-      {middles(positions).map(({ room, x, y }) => {
-        const at = drawing.place(x, y);
+      {middles(positions).map(({ room, x, top }) => {
+        const at = drawing.place(x, top);
         return (
-          <text key={room} class="room-name" x={at.x} y={at.y}>
+          <text key={room} class="room-name" x={at.x} y={at.y - 12}>
             {room}
           </text>
         );
@@ -64,12 +64,18 @@ export function PositionMap(props: {
   );
 }
 
+/** The middle of a room, and how far up it goes. */
+interface Middle extends MapPosition {
+  top: number;
+}
+
 /** The middle of each room. */
-export function middles(positions: readonly MapPosition[]): MapPosition[] {
+export function middles(positions: readonly MapPosition[]): Middle[] {
   return [...Map.groupBy(positions, ({ room }) => room)].map(([room, list]) => ({
     room,
     x: list.reduce((sum, { x }) => sum + x, 0) / list.length,
     y: list.reduce((sum, { y }) => sum + y, 0) / list.length,
+    top: list.reduce((most, { y }) => Math.max(most, y), -Infinity),
   }));
 }
 

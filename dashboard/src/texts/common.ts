@@ -81,6 +81,7 @@ export const text = {
   nearest: "Training frames most like it",
   nearestNone: "The model names none.",
   nearestBy: (opinion: string) => `as ${opinion} sees it`,
+  cannotShow: "This browser cannot show this kind of picture; the service reads it all the same.",
   nearestShow: (path: string) => `Show what the frame shares with ${path}`,
   likeness: (share: string) => `${share} alike`,
   timings: "Where the time went",

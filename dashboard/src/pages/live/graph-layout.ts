@@ -82,14 +82,15 @@ function fitted(points: Map<string, Point>): Map<string, Point> {
   return new Map([...points].map(([room, point]) => [room, { x: x(point.x), y: y(point.y) }]));
 }
 
-/** Where the robots of a room stand: rings around its middle. */
+/** Where the robots of a room stand: on rings around its middle, the first ones below it, side by side. */
 export function around(n: number, radius: number, size: number): Point[] {
   const points: Point[] = [];
   for (let ring = 0; points.length < n; ring += 1) {
     const r = radius + ring * size;
     const seats = Math.max(1, Math.floor((2 * Math.PI * r) / size));
-    for (let seat = 0; seat < seats && points.length < n; seat += 1) {
-      const angle = (seat / seats) * 2 * Math.PI - Math.PI / 2;
+    const taken = Math.min(seats, n - points.length);
+    for (let seat = 0; seat < taken; seat += 1) {
+      const angle = Math.PI / 2 + ((seat - (taken - 1) / 2) / seats) * 2 * Math.PI;
       points.push({ x: Math.cos(angle) * r, y: Math.sin(angle) * r });
     }
   }

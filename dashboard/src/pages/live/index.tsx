@@ -6,6 +6,7 @@ import { Tabs } from "../../components/tabs";
 import { useLoad } from "../../hooks";
 import { mapOf } from "../../model-map";
 import { href } from "../../route";
+import { signIns } from "../../session";
 import { text } from "../../texts/live";
 import { LiveMap } from "./live-map";
 import "./live.css";
@@ -26,7 +27,7 @@ const VIEWS: { id: View; label: string }[] = [
 const ALL: Choice = { search: "", state: "all" };
 
 export default function LivePage({ rest }: PageProps) {
-  useEffect(() => follow(), []);
+  useEffect(() => follow(), [signIns.value]);
   const [view, setView] = useState<View>("robots");
   const [choice, setChoice] = useState<Choice>(ALL);
   if (rest[0] !== undefined) return <RobotDetail key={rest[0]} id={rest[0]} />;

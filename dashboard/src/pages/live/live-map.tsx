@@ -21,7 +21,7 @@ export function LiveMap({ positions }: { positions: MapPosition[] }) {
           rooms.flatMap(({ room, x, y }) => {
             const here = robots.get(room) ?? [];
             const middle = place(x, y);
-            const seats = around(here.length, 22, 17);
+            const seats = around(here.length, 8, 17);
             return here.map((robot, n) => {
               const seat = seats[n] ?? { x: 0, y: 0 };
               const at = robot.pose

@@ -13,7 +13,9 @@ const MARGIN_X = 120;
 const MARGIN_Y = 90;
 const NODE = 34;
 const ROBOT = 15;
-const MOST_ROBOTS = 28;
+const MOST_ROBOTS = 18;
+/** With more robots than this they stand above their room too, where its name is. */
+const HALF_A_RING = 9;
 
 /** The rooms of a model, the ways between them, and the robots where they are. */
 export function RoomsGraph({ map }: { map: ModelMap }) {
@@ -61,11 +63,11 @@ export function RoomsGraph({ map }: { map: ModelMap }) {
                 const robot = here[n];
                 return robot && <RobotMark key={robot.id} robot={robot} at={seat} />;
               })}
-              <text class="room-name" y={-NODE - ROBOT - (here.length > seats.length ? 22 : 8)}>
+              <text class="room-name" y={-NODE - (here.length > HALF_A_RING ? ROBOT : 0) - 12}>
                 {room}
               </text>
               {here.length > seats.length && (
-                <text class="room-rest" y={-NODE - ROBOT - 6}>
+                <text class="room-rest" y={NODE + 2 * ROBOT + 14}>
                   {text.moreRobots(here.length - seats.length)}
                 </text>
               )}
