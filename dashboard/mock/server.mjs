@@ -5,6 +5,7 @@
 import { createServer } from "node:http";
 import { problem } from "./answers.mjs";
 import { auditCall } from "./audit.mjs";
+import { inboxCall } from "./inbox.mjs";
 import { liveCall, liveEvents, robotsCall } from "./robots.mjs";
 import { mapCall, modelsCall } from "./models.mjs";
 import { pageCall } from "./page.mjs";
@@ -28,6 +29,7 @@ const calls = [
   [/^\/v1\/models\/[^/]+\/versions\/\d+\/map$/, mapCall],
   [/^\/v1\/models/, modelsCall],
   [/^\/v1\/sets/, setsCall],
+  [/^\/v1\/inbox/, inboxCall],
 ];
 
 async function bodyOf(incoming) {

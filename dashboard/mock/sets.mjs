@@ -119,6 +119,7 @@ function details(set) {
 function told(change) {
   const copy = { ...change };
   delete copy.before;
+  delete copy.undo;
   return copy;
 }
 
@@ -214,6 +215,7 @@ function undone(set, id) {
   }
   Object.assign(set, { frames: found.before.frames, rooms: found.before.rooms });
   found.undone = true;
+  found.undo?.();
   noteAudit("undo", set.name, found.text);
   return json(200, told(found));
 }
@@ -293,6 +295,22 @@ function checked(set) {
     };
   }, 4000);
   return set.check;
+}
+
+/** Adds frames that were labeled in the inbox; `undo` is done when that is undone. */
+export function addLabeled(name, paths, undo) {
+  const set = sets.get(name);
+  if (!set) return undefined;
+  const text = `Labeled ${paths.length} frames from the inbox`;
+  const { id } = change(set, "label", text, paths.length, () => {
+    for (const path of paths) {
+      const [room, drive, file] = path.split("/");
+      if (!set.rooms.includes(room)) set.rooms.push(room);
+      set.frames.push(frame(room, drive, file));
+    }
+  });
+  set.changes.at(-1).undo = undo;
+  return id;
 }
 
 /** Calls below `v1/sets`. */
