@@ -23,7 +23,10 @@ function take(data) {
   if (size === 126) ((size = data.readUInt16BE(2)), (at = 4));
   else if (size === 127) ((size = Number(data.readBigUInt64BE(2))), (at = 10));
   const end = at + 4 + size;
-  return data.length < end ? undefined : { opcode: data[0] & 15, rest: data.subarray(end) };
+  if (data.length < end) return undefined;
+  const mask = data.subarray(at, at + 4);
+  const body = data.subarray(at + 4, end).map((byte, n) => byte ^ mask[n % 4]);
+  return { opcode: data[0] & 15, body, rest: data.subarray(end) };
 }
 
 export function acceptStream(request, socket) {
@@ -46,14 +49,16 @@ export function acceptStream(request, socket) {
   });
   let data = Buffer.alloc(0);
   let seq = 0;
+  let explain = request.url.includes("explain=true");
   socket.on("error", () => socket.destroy());
   socket.on("data", (more) => {
     data = Buffer.concat([data, more]);
     for (let frame = take(data); frame; frame = take(data)) {
       data = frame.rest;
       if (frame.opcode === 8) socket.end();
+      if (frame.opcode === 1) explain = JSON.parse(frame.body.toString()).explain;
       if (frame.opcode === 2) {
-        const one = answer(false);
+        const one = answer(explain);
         const filtered = {
           room: one.room,
           probability: one.probability,

@@ -1,5 +1,5 @@
 import type { ComponentChildren } from "preact";
-import { useEffect, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import type { Answer, NearestFrame } from "../api/recognize";
 import { pictureAddress } from "../api/sets";
 import { listTrainings } from "../api/trainings";
@@ -112,16 +112,22 @@ function useTrainingSet(model: { name: string; version: number }): string | unde
   )?.set;
 }
 
+/** What names a training frame among those of an answer, and in the answers after it. */
+const nameOf = ({ opinion, frame, drive }: NearestFrame) => [opinion, drive, frame].join("\n");
+
+/** The training frame that was chosen, as an answer has it; undefined where it has not. */
+export function chosenOf(answer: Answer | undefined, chosen: string | undefined) {
+  return answer?.nearest?.find((frame) => nameOf(frame) === chosen);
+}
+
 /** The training frames that are most like a frame; choosing one shows what both share. */
 export function NearestFrames(props: {
   answer: Answer;
-  chosen?: NearestFrame;
-  onChoose: (frame: NearestFrame | undefined) => void;
+  chosen: string | undefined;
+  onChoose: (chosen: string | undefined) => void;
 }) {
   const { answer, chosen, onChoose } = props;
   const set = useTrainingSet(answer.model);
-  // What was chosen belongs to the answer before.
-  useEffect(() => onChoose(undefined), [answer]);
   const nearest = (answer.nearest ?? []).slice(0, MOST_NEAREST);
   if (nearest.length === 0) return <p class="muted small">{text.nearestNone}</p>;
   return (
@@ -130,10 +136,10 @@ export function NearestFrames(props: {
         <li key={at}>
           <button
             type="button"
-            aria-pressed={frame === chosen}
+            aria-pressed={nameOf(frame) === chosen}
             aria-label={`${frame.room}, ${text.likeness(percent(frame.nearness))}. ${text.nearestShow(frame.frame)}`}
             title={frame.frame}
-            onClick={() => onChoose(frame === chosen ? undefined : frame)}
+            onClick={() => onChoose(nameOf(frame) === chosen ? undefined : nameOf(frame))}
           >
             {set && frame.frame && (
               <Picture src={pictureAddress(set, frame.frame, THUMBNAIL_PX)} alt="" />

@@ -1,10 +1,15 @@
 import { useEffect, useState } from "preact/hooks";
 import { fetchFrom } from "../../api/client";
 import { frameAddress, getRobot, type Robot, type RobotInfo } from "../../api/live";
-import { type Answer, type NearestFrame, recognize } from "../../api/recognize";
+import { type Answer, recognize } from "../../api/recognize";
 import { ProbabilityBars } from "../../components/bars";
 import { Button } from "../../components/button";
-import { EvidenceLegend, ExplainedFrame, NearestFrames } from "../../components/explained";
+import {
+  chosenOf,
+  EvidenceLegend,
+  ExplainedFrame,
+  NearestFrames,
+} from "../../components/explained";
 import { Icon } from "../../components/icons";
 import { Busy, EmptyState, ErrorNote, Note, PageHead } from "../../components/layout";
 import { PositionMap } from "../../components/position-map";
@@ -74,7 +79,7 @@ function Detail(props: { id: string; entry: Entry; info: RobotInfo | undefined }
   }, [entry]);
   const robot = entry.robot.value;
   const [explained, setExplained] = useState<Explained>();
-  const [chosen, setChosen] = useState<NearestFrame>();
+  const [chosen, setChosen] = useState<string>();
   const map = useModelMap(robot);
   useEffect(
     () => () => {
@@ -91,6 +96,7 @@ function Detail(props: { id: string; entry: Entry; info: RobotInfo | undefined }
 
   // Beside an explained frame stands its own answer, and "wrong" is about that.
   const shown = explained?.answer ?? robot;
+  const shared = chosenOf(explained?.answer, chosen);
   const rooms = map?.rooms ?? shown.probabilities.map(({ room }) => room);
   return (
     <div class="robot-page">
@@ -101,9 +107,9 @@ function Detail(props: { id: string; entry: Entry; info: RobotInfo | undefined }
               src={explained.picture}
               alt={text.frameOf(id)}
               answer={explained.answer}
-              shared={chosen}
+              shared={shared}
             />
-            <EvidenceLegend shared={chosen !== undefined} />
+            <EvidenceLegend shared={shared !== undefined} />
             <Note>
               <p>{text.explainOld}</p>
               <Button compact busy={explain.busy} onClick={() => void explain.run()}>

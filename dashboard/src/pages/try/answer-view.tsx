@@ -1,5 +1,5 @@
 import type { ComponentChildren } from "preact";
-import type { Answer, NearestFrame } from "../../api/recognize";
+import type { Answer } from "../../api/recognize";
 import type { Filtered } from "../../api/stream";
 import { ProbabilityBars } from "../../components/bars";
 import { NearestFrames } from "../../components/explained";
@@ -59,8 +59,8 @@ export function AnswerView(props: {
 /** The training frames that an answer rests on. */
 export function Reasons(props: {
   answer: Answer;
-  chosen: NearestFrame | undefined;
-  onChoose: (frame: NearestFrame | undefined) => void;
+  chosen: string | undefined;
+  onChoose: (chosen: string | undefined) => void;
 }) {
   return (
     <section class="card padded stack" aria-label={common.nearest}>

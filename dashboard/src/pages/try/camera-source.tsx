@@ -2,7 +2,7 @@ import { useEffect, useRef, useState } from "preact/hooks";
 import type { NearestFrame } from "../../api/recognize";
 import { cameraMissing, useCamera } from "../../camera";
 import { Button } from "../../components/button";
-import { EvidenceLegend, EvidenceOverlay } from "../../components/explained";
+import { chosenOf, EvidenceLegend, EvidenceOverlay } from "../../components/explained";
 import { CheckField, CompactSelect } from "../../components/fields";
 import { Icon } from "../../components/icons";
 import { Busy, Note } from "../../components/layout";
@@ -22,9 +22,10 @@ const CAMERA_NAME = `camera-${Math.floor(Math.random() * 0xffff)
 export function CameraSource() {
   const camera = useCamera();
   const [explain, setExplain] = useState(false);
-  const [chosen, setChosen] = useState<NearestFrame>();
+  const [chosen, setChosen] = useState<string>();
   const streaming = useStream(camera.running, camera.grab, CAMERA_NAME, explain);
   const { seen } = streaming;
+  const shared = chosenOf(seen?.result, chosen);
   const missing = cameraMissing();
   if (missing) {
     return (
@@ -39,7 +40,7 @@ export function CameraSource() {
         <div class={`explained camera ${camera.running ? "" : "off"}`}>
           {/* Muted and inline: phones play it at once, in its place. */}
           <video ref={camera.video} muted playsInline aria-label={text.cameraLabel} />
-          {camera.running && seen?.result.evidence && <Overlay seen={seen} shared={chosen} />}
+          {camera.running && seen?.result.evidence && <Overlay seen={seen} shared={shared} />}
           {!camera.running && (
             <div class="camera-start">
               <Icon name="camera" size={48} />
@@ -72,7 +73,7 @@ export function CameraSource() {
             )}
             <CheckField label={text.explain} checked={explain} onChange={setExplain} />
             <span class="grow" />
-            {explain && <EvidenceLegend shared={chosen !== undefined} />}
+            {explain && <EvidenceLegend shared={shared !== undefined} />}
           </div>
         )}
       </div>

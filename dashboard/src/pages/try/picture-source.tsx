@@ -1,7 +1,7 @@
 import { useEffect, useRef, useState } from "preact/hooks";
-import { type Answer, type NearestFrame, recognize } from "../../api/recognize";
+import { type Answer, recognize } from "../../api/recognize";
 import { Button } from "../../components/button";
-import { EvidenceLegend, ExplainedFrame } from "../../components/explained";
+import { chosenOf, EvidenceLegend, ExplainedFrame } from "../../components/explained";
 import { Icon } from "../../components/icons";
 import { Busy, ErrorNote } from "../../components/layout";
 import { useLoad } from "../../hooks";
@@ -101,7 +101,7 @@ function DropZone({ onTake }: { onTake: (file: File | undefined) => void }) {
 
 function PictureAnswer(props: { chosen: Chosen; onTake: (file: File | undefined) => void }) {
   const { chosen, onTake } = props;
-  const [nearest, setNearest] = useState<NearestFrame>();
+  const [nearest, setNearest] = useState<string>();
   const drop = useDrop(onTake);
   const { data, error, loading, reload } = useLoad(
     (signal) => recognize(chosen.frame, { explain: true, signal }),
@@ -110,6 +110,7 @@ function PictureAnswer(props: { chosen: Chosen; onTake: (file: File | undefined)
   // While the next picture is looked at, the answer to the one before does not stand beside it.
   const answer = loading ? undefined : data;
   const rooms = useRooms(answer);
+  const shared = chosenOf(answer, nearest);
   return (
     <div class="try-panes" {...drop.handlers}>
       <div class={`card padded stack ${drop.over ? "drop-over" : ""}`}>
@@ -118,13 +119,13 @@ function PictureAnswer(props: { chosen: Chosen; onTake: (file: File | undefined)
           src={chosen.url}
           alt={text.pictureOf(chosen.name)}
           answer={answer}
-          shared={nearest}
+          shared={shared}
         />
         <div class="row">
           <FileButton label={text.another} onTake={onTake} />
           <span class="muted small clip">{chosen.name}</span>
           <span class="grow" />
-          {answer && <EvidenceLegend shared={nearest !== undefined} />}
+          {answer && <EvidenceLegend shared={shared !== undefined} />}
         </div>
       </div>
       <div class="stack" aria-live="polite">
