@@ -14,6 +14,7 @@ import { keysCall, serviceCall } from "./service.mjs";
 import { sessionCall, whoIs } from "./session.mjs";
 import { setsCall } from "./sets.mjs";
 import { acceptStream } from "./stream.mjs";
+import { trainingsCall } from "./trainings.mjs";
 
 const PORT = Number(process.env.PORT ?? 18101);
 
@@ -30,6 +31,7 @@ const calls = [
   [/^\/v1\/models/, modelsCall],
   [/^\/v1\/sets/, setsCall],
   [/^\/v1\/inbox/, inboxCall],
+  [/^\/v1\/trainings/, trainingsCall],
 ];
 
 async function bodyOf(incoming) {
