@@ -7,9 +7,10 @@ import { Dialog } from "../../components/dialog";
 import { SelectField, TextField } from "../../components/fields";
 import { ErrorNote, Note } from "../../components/layout";
 import { useAction, useLoad } from "../../hooks";
-import { go, href } from "../../route";
+import { go } from "../../route";
 import { text as common } from "../../texts/common";
 import { text } from "../../texts/teach";
+import { trainingHref } from "../models/paths";
 
 const DEFAULT_MODEL = "home";
 
@@ -32,7 +33,7 @@ export function TrainDialog({ set, rooms, model: given, onClose }: TrainDialogPr
   const hasTooFew = rooms && rooms.filter(({ name }) => name !== ELSEWHERE).length < 2;
   const { run, busy, error } = useAction(async () => {
     const training = await startTraining({ set, model, effort, camera: camera || undefined });
-    go(href("models", "trainings", training.id));
+    go(trainingHref(training.id));
   });
   const submit = (event: Event) => {
     event.preventDefault();
