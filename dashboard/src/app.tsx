@@ -64,14 +64,14 @@ export function App() {
       <a class="skip" href="#main" onClick={skip}>
         {text.skip}
       </a>
-      <div class="side">
+      <header class="side">
         <a class="brand" href={href("live")}>
           <img src="./favicon.svg" alt="" />
           {text.product}
         </a>
         <Navigation current={page} />
         <Who />
-      </div>
+      </header>
       <main class="main" id="main" ref={main} tabIndex={-1}>
         {state.kind === "checking" && <Busy />}
         {state.kind === "failed" && (

@@ -1,12 +1,14 @@
 const NOTHING = "–";
+/** Between a number and its unit, which stay on one line. */
+const SPACE = "\u00a0";
 
 /** A share as percent: 0.824 is "82 %", and what is not quite all is never "100 %". */
 export function percent(share: number | null | undefined): string {
   if (share === null || share === undefined || !Number.isFinite(share)) return NOTHING;
   const value = share * 100;
-  if (value > 0 && value < 1) return "< 1 %";
-  if (value > 99 && value < 100) return "> 99 %";
-  return `${Math.round(value)} %`;
+  if (value > 0 && value < 1) return `<${SPACE}1${SPACE}%`;
+  if (value > 99 && value < 100) return `>${SPACE}99${SPACE}%`;
+  return `${Math.round(value)}${SPACE}%`;
 }
 
 /** A number with as many digits as help. */
@@ -26,8 +28,8 @@ export function decimal(value: number | null | undefined, digits = 1): string {
 /** Milliseconds, as seconds where there are many. */
 export function milliseconds(value: number | null | undefined): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return NOTHING;
-  if (value >= 10_000) return `${decimal(value / 1000)} s`;
-  return `${value < 10 ? decimal(value) : count(value)} ms`;
+  if (value >= 10_000) return `${decimal(value / 1000)}${SPACE}s`;
+  return `${value < 10 ? decimal(value) : count(value)}${SPACE}ms`;
 }
 
 /** Seconds, in the two largest units: "3 min 20 s". */
@@ -41,13 +43,13 @@ export function duration(seconds: number | null | undefined): string {
     ["s", 1],
   ];
   const first = units.findIndex(([, size]) => whole >= size);
-  if (first < 0) return "0 s";
+  if (first < 0) return `0${SPACE}s`;
   let left = whole;
   const said: string[] = [];
   for (const [name, size] of units.slice(first, first + 2)) {
     const n = Math.floor(left / size);
     left -= n * size;
-    if (n > 0) said.push(`${n} ${name}`);
+    if (n > 0) said.push(`${n}${SPACE}${name}`);
   }
   return said.join(" ");
 }
@@ -62,7 +64,7 @@ export function bytes(value: number | null | undefined): string {
     left /= 1024;
     unit += 1;
   }
-  return `${unit === 0 || left >= 100 ? count(left) : decimal(left)} ${units[unit]}`;
+  return `${unit === 0 || left >= 100 ? count(left) : decimal(left)}${SPACE}${units[unit]}`;
 }
 
 /** A time of the service, in the reader's own zone. */

@@ -11,7 +11,7 @@ export function Table(props: {
   const numbers = new Set(props.numbers);
   const kind = (column: number) => (numbers.has(column) ? "num" : undefined);
   return (
-    <div class="table-wrap" tabIndex={0} role="region" aria-label={props.label}>
+    <div class="table-wrap" tabIndex={0} role="group" aria-label={props.label}>
       <table class="table">
         <thead>
           <tr>

@@ -44,11 +44,11 @@ export function RobotCard({ entry, every }: { entry: Entry; every: number }) {
   return (
     <article class={`card robot-card ${state}`} aria-label={robot.id}>
       <header class="robot-head">
-        <h3 class="clip">
+        <h2 class="small-head clip">
           <a href={href("live", robot.id)} title={robot.id}>
             {robot.id}
           </a>
-        </h3>
+        </h2>
         <StateBadge robot={robot} />
       </header>
       <div class="robot-now">

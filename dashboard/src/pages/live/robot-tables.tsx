@@ -1,7 +1,7 @@
 import type { PastAnswer, Robot, RobotInfo } from "../../api/live";
+import { Table } from "../../components/table";
 import { count, decimal, duration, milliseconds, percent } from "../../format";
 import { roomClass } from "../../rooms";
-import { text as common } from "../../texts/common";
 import { text } from "../../texts/live";
 import { droppedOf } from "./card";
 import { RibbonBar } from "./ribbon-bar";
@@ -76,35 +76,22 @@ export function PastAnswers({ answers }: { answers: PastAnswer[] }) {
   return (
     <section class="stack" aria-label={text.answersTitle}>
       <h2>{text.answersTitle}</h2>
-      {/* Wide tables scroll by themselves, also by keyboard. */}
-      <div class="table-wrap" tabIndex={0} role="region" aria-label={text.answersTitle}>
-        <table class="table">
-          <thead>
-            <tr>
-              <th class="num">{text.seq}</th>
-              <th>{text.room}</th>
-              <th>{text.known}</th>
-              <th class="num">{text.probability}</th>
-              <th class="num">{text.total}</th>
-              <th class="num">{text.ago}</th>
-            </tr>
-          </thead>
-          <tbody>
-            {answers.map(({ seq, room, known, probability, timings_ms: ms, ago_s }) => (
-              <tr key={seq}>
-                <td class="num">{seq}</td>
-                <td>{room || common.nothing}</td>
-                <td>{known ? text.yes : text.no}</td>
-                <td class="num">{percent(probability)}</td>
-                <td class="num">
-                  {milliseconds(ms.queue + ms.decode + ms.features + ms.classify)}
-                </td>
-                <td class="num">{duration(ago_s)}</td>
-              </tr>
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <Table
+        label={text.answersTitle}
+        head={[text.seq, text.room, text.known, text.probability, text.total, text.ago]}
+        numbers={[0, 3, 4, 5]}
+        rows={answers.map(({ seq, room, known, probability, timings_ms: ms, ago_s }) => ({
+          key: String(seq),
+          cells: [
+            seq,
+            room,
+            known ? text.yes : text.no,
+            percent(probability),
+            milliseconds(ms.queue + ms.decode + ms.features + ms.classify),
+            duration(ago_s),
+          ],
+        }))}
+      />
     </section>
   );
 }

@@ -53,10 +53,16 @@ function optionsOf(element: Element, data: ChartData): uPlot.Options {
     axes: [
       {
         ...axis,
+        size: 28,
         values: (_plot, splits) =>
           splits.map((at) => timeOfDay(new Date(at * 1000).toISOString()).slice(0, 5)),
       },
-      { ...axis, size: 46, values: (_plot, splits) => splits.map((value) => `${value}`) },
+      {
+        ...axis,
+        size: 46,
+        space: 28,
+        values: (_plot, splits) => splits.map((value) => `${value}`),
+      },
     ],
     series: [
       {},

@@ -27,9 +27,9 @@ export function AnswerView(props: {
     <section class="card padded stack" aria-label={text.answer}>
       {filtered && (
         <div class="stack tight">
-          <h3 class="muted">{text.filtered}</h3>
+          <h2 class="small-head muted">{text.filtered}</h2>
           <Verdict {...filtered} known={filtered.known ?? false} />
-          <h3 class="muted">{text.single}</h3>
+          <h2 class="small-head muted">{text.single}</h2>
         </div>
       )}
       <div class="card-head">
