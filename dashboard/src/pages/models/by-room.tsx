@@ -35,12 +35,13 @@ export function ByRoom({ described }: { described: Described[] }) {
               {rates.map((rate, index) => (
                 <td key={index}>
                   {rate && (
-                    <div class={`bar subject-${index}`}>
+                    <div class={`bar subject-${index}`} title={text.ofN(rate.n_frames)}>
                       <div class="track" aria-hidden="true">
                         <div class="fill" style={{ transform: `scaleX(${rate.rate ?? 0})` }} />
                       </div>
                       <span class="number">
-                        {percent(rate.rate)} <span class="muted">{text.ofN(rate.n_frames)}</span>
+                        {percent(rate.rate)}
+                        {!hasTwo && <span class="muted"> {text.ofN(rate.n_frames)}</span>}
                       </span>
                     </div>
                   )}

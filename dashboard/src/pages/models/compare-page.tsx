@@ -1,5 +1,6 @@
 import { listModels } from "../../api/models";
 import { listTrainings, type Training } from "../../api/trainings";
+import { BackLink } from "../../components/back-link";
 import { SelectField } from "../../components/fields";
 import { Busy, ErrorNote, PageHead } from "../../components/layout";
 import { useLoad } from "../../hooks";
@@ -53,9 +54,7 @@ export function ComparePage({ left, right }: { left?: string; right?: string }) 
   return (
     <>
       <PageHead title={text.compareTitle}>
-        <a class="back" href={href("models")}>
-          {text.back}
-        </a>
+        <BackLink href={href("models")} label={text.back} />
       </PageHead>
       <div class="stack">
         <div class="fields form">

@@ -15,7 +15,7 @@ export function Reliability({ described }: { described: Described[] }) {
   return (
     <figure class="reliability">
       <svg
-        viewBox={`0 0 ${LEFT + SIDE + 12} ${TOP + SIDE + 40}`}
+        viewBox={`0 0 ${LEFT + SIDE + 24} ${TOP + SIDE + 40}`}
         role="img"
         aria-label={`${text.reliability}: ${bins.map(told).join("; ")}`}
       >

@@ -1,6 +1,7 @@
 import { useState } from "preact/hooks";
 import { cancelTraining, getTraining, publishTraining, type Training } from "../../api/trainings";
 import { getModel, putLabel } from "../../api/versions";
+import { BackLink } from "../../components/back-link";
 import { Progress } from "../../components/bars";
 import { Button } from "../../components/button";
 import { confirm } from "../../components/dialog";
@@ -34,9 +35,7 @@ export function TrainingPage({ id }: { id: number }) {
   return (
     <>
       <PageHead title={text.training(id)}>
-        <a class="back" href={href("models", TRAININGS)}>
-          {text.backToTrainings}
-        </a>
+        <BackLink href={href("models", TRAININGS)} label={text.backToTrainings} />
         {data && <Badge kind={STATE_KINDS[data.state]}>{text.trainingStates[data.state]}</Badge>}
       </PageHead>
       {error !== undefined && <ErrorNote error={error} onRetry={reload} />}

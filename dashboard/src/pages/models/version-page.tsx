@@ -1,5 +1,6 @@
 import type { ModelInfo } from "../../api/models";
 import { getModel, getVersion, type VersionDetails } from "../../api/versions";
+import { BackLink } from "../../components/back-link";
 import { Busy, ErrorNote, Note, PageHead } from "../../components/layout";
 import { dateTime } from "../../format";
 import { useLoad } from "../../hooks";
@@ -31,9 +32,7 @@ export function VersionPage({ model: name, version }: { model: string; version: 
   return (
     <>
       <PageHead title={`${name}/${version}`}>
-        <a class="back" href={href("models")}>
-          {text.back}
-        </a>
+        <BackLink href={href("models")} label={text.back} />
         {data && <Labels version={data.details} />}
       </PageHead>
       {error !== undefined && <ErrorNote error={error} onRetry={reload} />}

@@ -1,5 +1,6 @@
 import { useEffect, useRef, useState } from "preact/hooks";
 import { getSet, type DataSet } from "../../api/sets";
+import { BackLink } from "../../components/back-link";
 import { cameraMissing, useCamera, type Camera } from "../../camera";
 import { Button } from "../../components/button";
 import { CompactSelect, TextField } from "../../components/fields";
@@ -36,9 +37,7 @@ export function RecordPage({ set }: { set: string }) {
   return (
     <>
       <PageHead title={text.recordTitle}>
-        <a class="back" href={href("teach", set)}>
-          {set}
-        </a>
+        <BackLink href={href("teach", set)} label={set} />
       </PageHead>
       {error !== undefined && <ErrorNote error={error} onRetry={reload} />}
       {blocked !== undefined && (

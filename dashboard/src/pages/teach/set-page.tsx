@@ -1,5 +1,6 @@
 import { useState } from "preact/hooks";
 import { changeSet, getSet, undoChange, type ChangeRequest } from "../../api/sets";
+import { BackLink } from "../../components/back-link";
 import { Button } from "../../components/button";
 import { Busy, ErrorNote, Note, PageHead } from "../../components/layout";
 import { Tabs } from "../../components/tabs";
@@ -78,9 +79,7 @@ export function SetPage({ name, part }: { name: string; part?: string }) {
       onDrop={(event) => void whenDropped(event)}
     >
       <PageHead title={name}>
-        <a class="back" href={href("teach")}>
-          {text.back}
-        </a>
+        <BackLink href={href("teach")} label={text.back} />
         <span class="grow" />
         <Button
           kind="primary"
