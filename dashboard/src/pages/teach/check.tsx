@@ -72,7 +72,7 @@ export function CheckView({ set, change }: CheckViewProps) {
       {data.state === "running" && (
         <div class="stack" role="status">
           <p>{text.checkRunning(data.n_frames)}</p>
-          <Progress label={text.checkRunning(data.n_frames)} value={data.progress} />
+          <Progress label={text.checkRunning(data.n_frames)} />
         </div>
       )}
       {data.state === "failed" && (
