@@ -1,6 +1,6 @@
 import { useCallback, useEffect, useRef, useState } from "preact/hooks";
 import { isAbort } from "./api/client";
-import { signIns } from "./session";
+import { session, signIns } from "./session";
 
 export interface Loaded<T> {
   /** What was loaded last; kept while it is loaded again. */
@@ -46,7 +46,7 @@ export function useLoad<T>(
   useEffect(() => {
     if (!every) return undefined;
     const timer = setInterval(() => {
-      if (!document.hidden) setRound((n) => n + 1);
+      if (!document.hidden && session.peek().kind === "in") setRound((n) => n + 1);
     }, every);
     return () => clearInterval(timer);
   }, [every]);
