@@ -1,4 +1,4 @@
-import { useCallback, useEffect, useRef, useState } from "preact/hooks";
+import { useCallback, useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { isAbort } from "./api/client";
 import { session, signIns } from "./session";
 
@@ -75,6 +75,22 @@ export function useAction<A extends unknown[]>(action: (...args: A) => Promise<v
   };
   const clear = () => setState({ busy: false });
   return { ...state, run, clear };
+}
+
+/** The width of an element in pixels, as it changes; 0 before it is there. */
+export function useWidth<E extends Element>() {
+  const ref = useRef<E>(null);
+  const [width, setWidth] = useState(0);
+  useLayoutEffect(() => {
+    const element = ref.current;
+    if (!element) return undefined;
+    const measure = () => setWidth(Math.round(element.getBoundingClientRect().width));
+    measure();
+    const observer = new ResizeObserver(measure);
+    observer.observe(element);
+    return () => observer.disconnect();
+  }, []);
+  return { ref, width };
 }
 
 /** Whether an element is in view, or almost. */
