@@ -2,6 +2,21 @@ const NOTHING = "–";
 /** Between a number and its unit, which stay on one line. */
 const SPACE = "\u00a0";
 
+/** Made once: making one takes far longer than using it. */
+const formats = new Map<number, Intl.NumberFormat>();
+
+function formatted(value: number, digits: number): string {
+  let format = formats.get(digits);
+  if (!format) {
+    format = new Intl.NumberFormat("en", {
+      minimumFractionDigits: digits,
+      maximumFractionDigits: digits,
+    });
+    formats.set(digits, format);
+  }
+  return format.format(value);
+}
+
 /** A share as percent: 0.824 is "82 %", and what is not quite all is never "100 %". */
 export function percent(share: number | null | undefined): string {
   if (share === null || share === undefined || !Number.isFinite(share)) return NOTHING;
@@ -14,15 +29,12 @@ export function percent(share: number | null | undefined): string {
 /** A number with as many digits as help. */
 export function count(value: number | null | undefined): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return NOTHING;
-  return Math.round(value).toLocaleString("en");
+  return formatted(Math.round(value), 0);
 }
 
 export function decimal(value: number | null | undefined, digits = 1): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return NOTHING;
-  return value.toLocaleString("en", {
-    minimumFractionDigits: digits,
-    maximumFractionDigits: digits,
-  });
+  return formatted(value, digits);
 }
 
 /** Milliseconds, as seconds where there are many. */

@@ -1,6 +1,6 @@
-import { useCallback, useEffect, useRef, useState } from "preact/hooks";
+import { useCallback, useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { isAbort } from "./api/client";
-import { signIns } from "./session";
+import { session, signIns } from "./session";
 
 export interface Loaded<T> {
   /** What was loaded last; kept while it is loaded again. */
@@ -46,7 +46,7 @@ export function useLoad<T>(
   useEffect(() => {
     if (!every) return undefined;
     const timer = setInterval(() => {
-      if (!document.hidden) setRound((n) => n + 1);
+      if (!document.hidden && session.peek().kind === "in") setRound((n) => n + 1);
     }, every);
     return () => clearInterval(timer);
   }, [every]);
@@ -75,6 +75,22 @@ export function useAction<A extends unknown[]>(action: (...args: A) => Promise<v
   };
   const clear = () => setState({ busy: false });
   return { ...state, run, clear };
+}
+
+/** The width of an element in pixels, as it changes; 0 before it is there. */
+export function useWidth<E extends Element>() {
+  const ref = useRef<E>(null);
+  const [width, setWidth] = useState(0);
+  useLayoutEffect(() => {
+    const element = ref.current;
+    if (!element) return undefined;
+    const measure = () => setWidth(Math.round(element.getBoundingClientRect().width));
+    measure();
+    const observer = new ResizeObserver(measure);
+    observer.observe(element);
+    return () => observer.disconnect();
+  }, []);
+  return { ref, width };
 }
 
 /** Whether an element is in view, or almost. */

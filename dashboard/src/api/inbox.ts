@@ -42,7 +42,7 @@ export interface InboxPage {
   total: number;
   open: number;
   frames: InboxFrame[];
-  next?: string;
+  next?: number;
 }
 
 export interface InboxQuery {
@@ -68,6 +68,8 @@ export interface RuleSettings {
 export interface Rule extends RuleSettings {
   frames: number;
   bytes: number;
+  /** Frames that could not be kept since the service started. */
+  missed?: number;
 }
 
 /** A frame as somebody saw it: a label is refused where it has changed since. */
@@ -85,7 +87,8 @@ export interface Conflict {
 export interface Labeled {
   labeled: InboxFrame[];
   conflicts: Conflict[];
-  change?: number;
+  /** The changes of the data set, to undo them. */
+  changes: number[];
 }
 
 export const STEPS = ["nothing", "shadow", "canary", "stable"] as const;
@@ -103,19 +106,17 @@ export interface Policy {
 /** What a person corrected: the frame goes to the inbox. */
 export interface Correction {
   frame: Blob;
-  /** What was answered. */
-  room: string;
   /** What it is, where the person knows. */
   right?: string;
   robot?: string;
 }
 
-export const sendCorrection = ({ frame, room, right, robot }: Correction) =>
+export const sendCorrection = ({ frame, right, robot }: Correction) =>
   call<InboxFrame>("v1/inbox", {
     method: "POST",
     body: frame,
     headers: { "Content-Type": frame.type || "image/jpeg" },
-    query: { robot, room, right },
+    query: { robot, right },
   });
 
 export const getRule = (signal?: AbortSignal) => call<Rule>("v1/inbox/rule", { signal });
@@ -139,11 +140,43 @@ export async function inboxBlob(id: number, signal?: AbortSignal): Promise<Blob>
   return response.blob();
 }
 
-export const labelFrames = (set: string, room: string, frames: Seen[], drive?: string) =>
-  call<Labeled>("v1/inbox/labels", { method: "POST", json: { set, room, drive, frames } });
+/** So many frames are named in a request. */
+const AT_ONCE = 500;
 
-export const discardFrames = (frames: Seen[]) =>
-  call<{ discarded: number }>("v1/inbox/discard", { method: "POST", json: { frames } });
+function parts(frames: readonly Seen[]): Seen[][] {
+  const count = Math.ceil(frames.length / AT_ONCE);
+  return Array.from({ length: count }, (_, at) => frames.slice(at * AT_ONCE, (at + 1) * AT_ONCE));
+}
+
+interface LabeledPart {
+  labeled: InboxFrame[];
+  conflicts: Conflict[];
+  change?: number;
+}
+
+/** Says which room frames show: they come into a data set. */
+export async function labelFrames(set: string, room: string, frames: Seen[]): Promise<Labeled> {
+  const all: Labeled = { labeled: [], conflicts: [], changes: [] };
+  for (const part of parts(frames)) {
+    const json = { set, room, frames: part };
+    const done = await call<LabeledPart>("v1/inbox/labels", { method: "POST", json });
+    all.labeled.push(...done.labeled);
+    all.conflicts.push(...done.conflicts);
+    if (done.change !== undefined) all.changes.push(done.change);
+  }
+  return all;
+}
+
+/** Deletes frames; how many went. */
+export async function discardFrames(frames: Seen[]): Promise<number> {
+  let all = 0;
+  for (const part of parts(frames)) {
+    const json = { frames: part };
+    const done = await call<{ discarded: number }>("v1/inbox/discard", { method: "POST", json });
+    all += done.discarded;
+  }
+  return all;
+}
 
 export const getPolicy = (signal?: AbortSignal) => call<Policy>("v1/inbox/policy", { signal });
 

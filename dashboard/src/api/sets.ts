@@ -52,7 +52,6 @@ export interface Frame {
   room: string;
   drive: string;
   bytes: number;
-  content: string;
 }
 
 export interface FramePage {
@@ -99,7 +98,6 @@ export interface Check {
   at?: string;
   error?: string;
   n_frames?: number;
-  progress?: number;
   findings: Finding[];
 }
 

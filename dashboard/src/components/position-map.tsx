@@ -1,14 +1,17 @@
 import type { ComponentChildren } from "preact";
 import { useMemo } from "preact/hooks";
 import type { MapPosition } from "../api/models";
+import { useWidth } from "../hooks";
 import { roomClass } from "../rooms";
 import { text } from "../texts/live";
 
 /** From meters to the drawing, whose y axis goes down. */
 export type ToDrawing = (x: number, y: number) => { x: number; y: number };
 
-const WIDTH = 1000;
-const MOST_HEIGHT = 700;
+/** A drawing is as wide as there is room, within these: what is written in it keeps its size. */
+const LEAST_WIDTH = 300;
+const MOST_WIDTH = 1100;
+const MOST_HEIGHT = 720;
 const MARGIN = 50;
 const BARS_M = [0.5, 1, 2, 5, 10, 20, 50, 100, 200];
 
@@ -19,7 +22,9 @@ export function PositionMap(props: {
   children?: (place: ToDrawing, scale: number) => ComponentChildren;
 }) {
   const { positions } = props;
-  const drawing = useMemo(() => drawingOf(positions), [positions]);
+  const { ref, width: there } = useWidth<SVGSVGElement>();
+  const width = Math.min(MOST_WIDTH, Math.max(LEAST_WIDTH, there));
+  const drawing = useMemo(() => drawingOf(positions, width), [positions, width]);
   const dots = useMemo(
     () =>
       [...Map.groupBy(positions, ({ room }) => room)].map(([room, list]) => (
@@ -36,11 +41,12 @@ export function PositionMap(props: {
       )),
     [positions, drawing],
   );
-  const bar = BARS_M.findLast((meters) => meters * drawing.scale < WIDTH / 5) ?? 1;
+  const bar = BARS_M.findLast((meters) => meters * drawing.scale < width / 5) ?? 1;
   return (
     <svg
+      ref={ref}
       class="positions"
-      viewBox={`0 0 ${WIDTH} ${drawing.height}`}
+      viewBox={`0 0 ${width} ${drawing.height}`}
       role="group"
       aria-label={props.label}
     >
@@ -79,7 +85,7 @@ export function middles(positions: readonly MapPosition[]): Middle[] {
   }));
 }
 
-function drawingOf(positions: readonly MapPosition[]) {
+function drawingOf(positions: readonly MapPosition[], width: number) {
   const range = (values: number[]) => {
     const least = values.reduce((one, other) => Math.min(one, other), Infinity);
     const most = values.reduce((one, other) => Math.max(one, other), -Infinity);
@@ -87,9 +93,9 @@ function drawingOf(positions: readonly MapPosition[]) {
   };
   const x = range(positions.map((position) => position.x));
   const y = range(positions.map((position) => position.y));
-  const scale = Math.min((WIDTH - 2 * MARGIN) / x.size, (MOST_HEIGHT - 2 * MARGIN) / y.size);
+  const scale = Math.min((width - 2 * MARGIN) / x.size, (MOST_HEIGHT - 2 * MARGIN) / y.size);
   const height = y.size * scale + 2 * MARGIN;
-  const left = (WIDTH - x.size * scale) / 2;
+  const left = (width - x.size * scale) / 2;
   const place: ToDrawing = (px, py) => ({
     x: left + (px - x.least) * scale,
     y: height - MARGIN - (py - y.least) * scale,

@@ -64,7 +64,7 @@ function WrongDialog(props: {
   const picture = useMemo(() => URL.createObjectURL(frame), [frame]);
   useEffect(() => () => URL.revokeObjectURL(picture), [picture]);
   const { run, busy, error } = useAction(async () => {
-    await sendCorrection({ frame, room, robot, right: right || undefined });
+    await sendCorrection({ frame, robot, right: right || undefined });
     toast({ text: text.wrongSent });
     props.onClose();
   });

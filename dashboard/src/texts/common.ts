@@ -23,7 +23,7 @@ export const text = {
   signOut: "Sign out",
   signInTitle: "Sign in to roomsight",
   signInLead:
-    "This service asks for a key. It is kept by the browser only as long as you are signed in.",
+    "This service asks for a key. The browser does not keep it, only that you are signed in.",
   signInAgain:
     "You are signed out: the session ended, or its key was revoked. Sign in to go on where you were.",
   key: "Key",
@@ -35,7 +35,8 @@ export const text = {
   signedInAs: (name: string, role: string) => `${name} (${role})`,
   openService: "No keys: everyone who reaches this page may do everything.",
   expiresIn: (duration: string) => `Signed in for ${duration} more`,
-  needsRole: (role: string) => `Only a key with the role ${role} may do this.`,
+  needsRole: (role: string) =>
+    `Only a key with the role ${role === "admin" ? role : `${role} or admin`} may do this.`,
   noData:
     "This service has no data directory, so it cannot keep pictures. Start it with roomsight serve --data FOLDER.",
 

@@ -210,6 +210,7 @@ export const text = {
     set_removed: "Removed a data set",
     change: "Changed frames",
     undo: "Undid",
+    wrong: "Said that an answer was wrong",
     label_frames: "Labeled frames",
     policy: "Changed the policy",
   } as Record<string, string>,

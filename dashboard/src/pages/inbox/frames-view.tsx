@@ -35,9 +35,9 @@ export function FramesView() {
   const blocked = blockedForData("admin");
   const inputs = [query.state, query.reason, query.robot, query.room, query.sort];
   const paged = usePaged<InboxFrame>(async (after, signal) => {
-    const { frames, ...page } = await listInbox(query, after, PAGE, signal);
-    inboxOpen.value = page.open;
-    return { ...page, items: frames };
+    const { frames, total, open, next } = await listInbox(query, after, PAGE, signal);
+    inboxOpen.value = open;
+    return { total, items: frames, next: next?.toString() };
   }, inputs);
   // The list stays as it is under the reader's hand; what came since is told.
   const now = useLoad((signal) => listInbox(query, undefined, 1, signal), inputs, LOOK_MS);
@@ -66,15 +66,14 @@ export function FramesView() {
     if (blocked !== undefined || set === undefined || frames.length === 0) return;
     try {
       const done = await labelFrames(set, room, frames);
-      const { change } = done;
       const undo = async () => {
-        if (change !== undefined) await undoChange(set, change);
+        for (const change of done.changes.toReversed()) await undoChange(set, change);
         reload();
       };
       if (done.labeled.length > 0) {
         toast({
           text: text.labeled(done.labeled.length, room, set),
-          undo: change === undefined ? undefined : undo,
+          undo: done.changes.length > 0 ? undo : undefined,
         });
       }
       setConflicts(done.conflicts);
@@ -96,7 +95,7 @@ export function FramesView() {
     };
     if (blocked !== undefined || length === 0 || !(await confirm(question))) return;
     try {
-      const { discarded } = await discardFrames(frames);
+      const discarded = await discardFrames(frames);
       toast({ text: text.discarded(discarded) });
       clear();
     } catch (error) {

@@ -76,7 +76,7 @@ export function Nearest({ frame, set }: NearestProps) {
   return (
     <section class="stack training-frames">
       <div>
-        <h3>{text.nearest}</h3>
+        <h2>{text.nearest}</h2>
         <p class="muted small">{text.nearestLead}</p>
       </div>
       {nearest.loading && !nearest.data && <Busy />}

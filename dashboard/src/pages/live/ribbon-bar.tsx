@@ -1,3 +1,4 @@
+import { Component } from "preact";
 import { timeOfDay } from "../../format";
 import { roomClass } from "../../rooms";
 import { text } from "../../texts/live";
@@ -5,8 +6,31 @@ import { drawn, RIBBON_MS, type Stretch } from "./ribbon";
 
 const WIDTH = 1000;
 
-/** The rooms of the last minutes, the present at the right; what was not known is pale and hatched. */
-export function RibbonBar(props: { ribbon: readonly Stretch[]; now: number; height?: number }) {
+/** A ribbon moves by about a pixel in this time; more often it is not drawn. */
+const STEP_MS = 3000;
+
+interface RibbonProps {
+  ribbon: readonly Stretch[];
+  now: number;
+  height?: number;
+}
+
+/** What can be seen of a ribbon. */
+const seen = ({ ribbon, now }: RibbonProps) =>
+  `${Math.floor(now / STEP_MS)} ${ribbon.length} ${ribbon.at(-1)?.from ?? 0}`;
+
+/** The rooms of the last minutes, the present at the right; what was not known is thin and pale. */
+export class RibbonBar extends Component<RibbonProps> {
+  shouldComponentUpdate(next: RibbonProps): boolean {
+    return seen(next) !== seen(this.props);
+  }
+
+  render(props: RibbonProps) {
+    return <Ribbon {...props} />;
+  }
+}
+
+function Ribbon(props: RibbonProps) {
   const parts = drawn(props.ribbon, props.now);
   const rooms = [...new Set(parts.map(({ stretch }) => stretch.room))];
   return (

@@ -1,16 +1,19 @@
 import { useMemo } from "preact/hooks";
 import type { ModelMap } from "../../api/models";
 import { EmptyState } from "../../components/layout";
+import { useWidth } from "../../hooks";
 import { roomClass } from "../../rooms";
 import { text } from "../../texts/live";
 import { around, placed, waysOf } from "./graph-layout";
 import { RobotMark } from "./robot-mark";
 import { robotsByRoom } from "./where";
 
-const WIDTH = 1000;
-const HEIGHT = 560;
-const MARGIN_X = 120;
-const MARGIN_Y = 90;
+/** A drawing is as wide as there is room, within these: what is written in it keeps its size. */
+const LEAST_WIDTH = 340;
+const MOST_WIDTH = 1100;
+/** Below this width it stands upright, for phones. */
+const UPRIGHT_BELOW = 620;
+const MARGIN_Y = 80;
 const NODE = 34;
 const ROBOT = 15;
 const MOST_ROBOTS = 18;
@@ -21,20 +24,26 @@ const HALF_A_RING = 9;
 export function RoomsGraph({ map }: { map: ModelMap }) {
   const ways = useMemo(() => waysOf(map.transitions), [map]);
   const points = useMemo(() => placed(map.rooms, ways), [map, ways]);
+  const place = useWidth<HTMLElement>();
   if (map.rooms.length === 0) {
     return <EmptyState icon="models" title={text.noGraph} text={text.noGraphMore} />;
   }
   const robots = robotsByRoom();
+  const upright = place.width < UPRIGHT_BELOW;
+  const width = Math.min(MOST_WIDTH, Math.max(LEAST_WIDTH, place.width));
+  const height = upright ? width * 1.4 : width * 0.55;
+  const marginX = width * 0.14;
   const at = (room: string) => {
     const point = points.get(room) ?? { x: 0.5, y: 0.5 };
+    const [x, y] = upright ? [point.y, point.x] : [point.x, point.y];
     return {
-      x: MARGIN_X + point.x * (WIDTH - 2 * MARGIN_X),
-      y: MARGIN_Y + point.y * (HEIGHT - 2 * MARGIN_Y),
+      x: marginX + x * (width - 2 * marginX),
+      y: MARGIN_Y + y * (height - 2 * MARGIN_Y),
     };
   };
   return (
-    <figure class="graph-figure">
-      <svg class="graph" viewBox={`0 0 ${WIDTH} ${HEIGHT}`} role="group" aria-label={text.graph}>
+    <figure class="graph-figure" ref={place.ref}>
+      <svg class="graph" viewBox={`0 0 ${width} ${height}`} role="group" aria-label={text.graph}>
         {ways.map(({ one, other, rate }) => {
           const [from, to] = [at(one), at(other)];
           return (

@@ -9,7 +9,7 @@ export function ByRoom({ described }: { described: Described[] }) {
   const rooms = ratesByRoom(described.map(({ report }) => report?.held_out));
   const hasTwo = described.length > 1;
   return (
-    <div class="table-wrap">
+    <div class="table-wrap" tabIndex={0} role="region" aria-label={text.byRoom}>
       <table class="table by-room">
         <thead>
           <tr>

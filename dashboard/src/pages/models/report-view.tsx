@@ -14,7 +14,7 @@ export function ReportView({ described }: { described: Described[] }) {
   const hasReports = reports.some((report) => report !== undefined);
   const columns = described.length === 1 ? "" : "two";
   return (
-    <div class="stack">
+    <div class="report stack">
       {hasReports && (
         <section class="card padded">
           <h2>{text.figures}</h2>

@@ -3,7 +3,6 @@ import { getCheck, pictureAddress, startCheck, type DataSet, type Finding } from
 import { Button } from "../../components/button";
 import { Busy, ErrorNote, Note } from "../../components/layout";
 import { Picture } from "../../components/picture";
-import { Progress } from "../../components/bars";
 import { dateTime } from "../../format";
 import { useAction, useLoad } from "../../hooks";
 import { blockedForData } from "../../session";
@@ -56,7 +55,8 @@ export function CheckView({ set, change }: CheckViewProps) {
   return (
     <>
       <div class="row">
-        <p class="muted grow measure">{text.checkLead}</p>
+        <p class="muted measure">{text.checkLead}</p>
+        <span class="grow" />
         <Button
           icon="search"
           kind={data.state === "none" ? "primary" : undefined}
@@ -69,12 +69,7 @@ export function CheckView({ set, change }: CheckViewProps) {
       </div>
       {start.error !== undefined && <ErrorNote error={start.error} />}
       {error !== undefined && <ErrorNote error={error} onRetry={reload} />}
-      {data.state === "running" && (
-        <div class="stack" role="status">
-          <p>{text.checkRunning(data.n_frames)}</p>
-          <Progress label={text.checkRunning(data.n_frames)} value={data.progress} />
-        </div>
-      )}
+      {data.state === "running" && <Busy label={text.checkRunning(data.n_frames)} />}
       {data.state === "failed" && (
         <Note kind="bad">
           <p>

@@ -49,7 +49,8 @@ it("what systems leave is no picture", () => {
 it("names cannot lead elsewhere", () => {
   expect(named("..")).toBe("unnamed");
   expect(named("a/b\\c\n")).toBe("a-b-c-");
-  expect(named(" Küche <b> ")).toBe("Küche <b>");
+  expect(named(" Küche <b> ")).toBe("Küche -b-");
+  expect(named("..a room. ")).toBe("a room");
 });
 
 it("chunks are of one drive and not too large", () => {

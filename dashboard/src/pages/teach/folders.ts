@@ -54,17 +54,13 @@ export function placed<Item>(
   });
 }
 
-/** A name for a room or a drive, which is a folder's name and nothing else. */
+/** A name for a room or a drive as the service takes it: a folder's name on any system. */
 export function named(name: string): string {
-  return (
-    name
-      .replaceAll(/[/\\\p{Cc}]/gu, "-")
-      .replace(/^\.+/, "")
-      .trim()
-      .slice(0, 64)
-      .trim() || "unnamed"
-  );
+  const plain = name.replaceAll(/[/\\:*?"<>|\p{Cc}]/gu, "-").trim();
+  return trimmed(trimmed(plain).slice(0, 64)) || "unnamed";
 }
+
+const trimmed = (name: string) => name.replaceAll(/^[.\s]+|[.\s]+$/g, "");
 
 /** Chunks of a few files of the same room and drive, none larger than `bytes` unless by a single file. */
 export function chunks<Item>(
