@@ -2,13 +2,16 @@
 //!
 //! A program that was built without them has no page, and leads to its documentation instead.
 
+use crate::http::App;
 use crate::problem::{Kind, Problem};
+use axum::Router;
 use axum::extract::Path;
 use axum::http::header::{
     ACCEPT_ENCODING, CACHE_CONTROL, CONTENT_ENCODING, CONTENT_SECURITY_POLICY, CONTENT_TYPE, VARY,
 };
 use axum::http::{HeaderMap, HeaderName, HeaderValue};
 use axum::response::{IntoResponse, Redirect, Response};
+use axum::routing::get;
 use rust_embed::RustEmbed;
 
 #[derive(RustEmbed)]
@@ -42,8 +45,24 @@ pub fn is_there() -> bool {
     Files::get(INDEX).is_some()
 }
 
+/// The calls that the page is made of.
+pub fn routes() -> Router<App> {
+    let mut router = Router::new().route("/", get(index)).route("/assets/{*path}", get(asset));
+    let is_beside = |name: &str| {
+        !name.contains('/') && ENCODINGS.iter().all(|encoding| !name.ends_with(encoding.extension))
+    };
+    for name in Files::iter().filter(|name| is_beside(name) && *name != INDEX) {
+        let path = format!("/{name}");
+        let beside = async move |headers: HeaderMap| {
+            file(&name, &headers, ASK_AGAIN).unwrap_or_else(|| Problem::from(Kind::NotFound).into_response())
+        };
+        router = router.route(&path, get(beside));
+    }
+    router
+}
+
 /// The page, or where there is none the documentation.
-pub async fn index(headers: HeaderMap) -> Response {
+async fn index(headers: HeaderMap) -> Response {
     let policy = [
         (CONTENT_SECURITY_POLICY, HeaderValue::from_static(CONTENT_POLICY)),
         (HeaderName::from_static("permissions-policy"), HeaderValue::from_static(PERMISSIONS)),
@@ -55,7 +74,7 @@ pub async fn index(headers: HeaderMap) -> Response {
 }
 
 /// A script, a style or a picture of the page.
-pub async fn asset(Path(path): Path<String>, headers: HeaderMap) -> Response {
+async fn asset(Path(path): Path<String>, headers: HeaderMap) -> Response {
     let found = file(&format!("assets/{path}"), &headers, FOR_EVER);
     found.unwrap_or_else(|| Problem::from(Kind::NotFound).into_response())
 }

@@ -46,8 +46,7 @@ pub fn router(app: App) -> Router {
         .merge(documentation)
         .route("/openapi.json", get(async move || Json(document)))
         .route("/asyncapi.json", get(|| async { Json(stream_document()) }))
-        .route("/", get(page::index))
-        .route("/assets/{*path}", get(page::asset))
+        .merge(page::routes())
         // Forms have limits of our own, see `body`.
         .layer(DefaultBodyLimit::disable())
         .layer(CatchPanicLayer::custom(observe::panicked));
