@@ -10,18 +10,24 @@
 //! | `recognize` | the one path from bytes to an answer |
 //! | `answers`, `answer` | the frames of one request; what callers read of each |
 //! | `streams` | robots that send frames as they take them; see there |
-//! | `events`, `robots` | what dashboards are told |
 //! | `doubts` | frames that the model doubted, for whoever keeps them |
+//! | `events`, `robots` | what happens, and who is there: what dashboards are told |
+//! | `live`, `thumbnails` | the robots for pages that show them, and small pictures of what they see |
 //! | `metrics`, `scrape` | what is counted and measured, and its text |
+//! | `history` | the last hour of it |
+//! | `aside` | work that stands aside for frames |
 //! | `timings`, `spans`, `text` | where time goes, for answers and for traces; names that callers give |
 
 pub mod answer;
 pub mod answers;
+pub mod aside;
 pub mod bodies;
 pub mod caller;
 pub mod doubts;
 pub mod events;
 pub mod frame;
+pub mod history;
+pub mod live;
 pub mod metrics;
 pub mod pool;
 pub mod recognize;
@@ -31,6 +37,7 @@ pub mod scrape;
 pub mod spans;
 pub mod streams;
 pub mod text;
+pub mod thumbnails;
 pub mod timings;
 pub mod watch;
 
@@ -40,13 +47,17 @@ use crate::settings::Settings;
 use bodies::{Bodies, BodyLimits};
 use doubts::Doubts;
 use events::Events;
+use history::History;
+use live::Live;
 use metrics::Metrics;
 use pool::{Pool, Size};
 use registry::{Registry, RegistryError};
+use robots::Robots;
 use std::io;
 use std::ops::Deref;
 use std::sync::Arc;
 use streams::Streams;
+use thumbnails::Thumbnails;
 use tokio::sync::Semaphore;
 use tokio_util::sync::CancellationToken;
 
@@ -65,9 +76,13 @@ pub struct EngineState {
     pub body_memory: Arc<Semaphore>,
     pub bodies: Arc<Bodies>,
     pub streams: Streams,
+    pub robots: Robots,
+    pub live: Live,
+    pub thumbnails: Thumbnails,
     pub events: Events,
     pub doubts: Doubts,
     pub metrics: Arc<Metrics>,
+    pub history: History,
     pub stopping: CancellationToken,
 }
 
@@ -101,11 +116,15 @@ impl Engine {
             registry,
             pool: Pool::new(Size::of(&settings))?,
             streams: Streams::new(&settings, body_memory.clone()),
+            robots: Robots::new(&settings, events.clone()),
             body_memory,
             bodies: Arc::new(bodies),
+            live: Live::default(),
+            thumbnails: Thumbnails::default(),
             events,
             doubts: Doubts::default(),
             metrics,
+            history: History::default(),
             stopping: CancellationToken::new(),
             settings,
         })))

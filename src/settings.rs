@@ -1,5 +1,11 @@
 //! What an operator may set: defaults, then a file, then the environment, then flags.
 
+mod durations;
+mod hidden;
+mod outside;
+
+pub use hidden::{Broker, BrokerUrl, Secret};
+
 use crate::access::{Key, Sites, check_together};
 use config::{Config, Environment, File, FileFormat};
 use roomsight_recognition::model::MAX_MODEL_BYTES;
@@ -7,7 +13,6 @@ use roomsight_vision::image;
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// The prefix of the environment's names: `ROOMSIGHT_QUEUE` sets `queue`.
 pub const ENVIRONMENT_PREFIX: &str = "ROOMSIGHT_";
@@ -109,6 +114,20 @@ pub struct Settings {
     pub stream_write_timeout_ms: u64,
     /// How long a stream waits for its robot when the connection broke, in milliseconds.
     pub stream_resume_ms: u64,
+    /// How long a robot's answers may be unknown before it counts as lost, in milliseconds.
+    pub lost_after_ms: u64,
+    /// How many bytes the robots' last frames may take that dashboards show; 0: none are kept.
+    pub live_frames_bytes: usize,
+    /// Addresses that are told by POST what happens to robots and models.
+    pub webhooks: Vec<String>,
+    /// What what is told to them is signed with; empty: it is not signed.
+    pub webhook_secret: Secret,
+    /// The broker of MQTT that is told where robots are, as `mqtt://USER:PASSWORD@HOST:1883`; empty: none.
+    pub mqtt: BrokerUrl,
+    /// What topics begin with.
+    pub mqtt_prefix: String,
+    /// What the topics begin with by which Home Assistant finds the robots; empty: it does not.
+    pub mqtt_discovery: String,
     /// How log lines look.
     pub log_format: LogFormat,
     /// What is logged: `error`, `warn`, `info`, `debug`, or a filter as `roomsight=debug,warn`.
@@ -209,6 +228,13 @@ impl Default for Settings {
             stream_idle_timeout_ms: 180_000,
             stream_write_timeout_ms: 10_000,
             stream_resume_ms: 30_000,
+            lost_after_ms: 10_000,
+            live_frames_bytes: 32 << 20,
+            webhooks: Vec::new(),
+            webhook_secret: Secret::default(),
+            mqtt: BrokerUrl::default(),
+            mqtt_prefix: "roomsight".into(),
+            mqtt_discovery: "homeassistant".into(),
             log_format: LogFormat::Human,
             log_level: "info".into(),
             otlp_endpoint: String::new(),
@@ -245,7 +271,7 @@ impl Settings {
         Ok(settings)
     }
 
-    /// The settings as a TOML file, hashes of keys left out.
+    /// The settings as a TOML file, hashes of keys and secrets left out.
     pub fn to_toml(&self) -> Result<String, SettingsError> {
         Ok(toml::to_string_pretty(self)?)
     }
@@ -254,7 +280,17 @@ impl Settings {
     pub fn changes_to(&self, other: &Self) -> Result<Vec<String>, SettingsError> {
         let (old, new) = (toml::Table::try_from(self)?, toml::Table::try_from(other)?);
         let names = old.into_iter().filter(|(name, value)| name != "keys" && new.get(name) != Some(value));
-        Ok(names.map(|(name, _)| name).collect())
+        let mut names: Vec<String> = names.map(|(name, _)| name).collect();
+        // Of these the tables do not say all.
+        for (name, is_same) in [
+            ("webhook_secret", self.webhook_secret == other.webhook_secret),
+            ("mqtt", self.mqtt == other.mqtt),
+        ] {
+            if !is_same && !names.iter().any(|other| other == name) {
+                names.push(name.to_owned());
+            }
+        }
+        Ok(names)
     }
 
     /// Whether there is a data directory.
@@ -295,74 +331,6 @@ impl Settings {
         }
     }
 
-    /// [`Settings::models_poll_ms`] as a duration; none where it is 0.
-    pub fn models_poll(&self) -> Option<Duration> {
-        (self.models_poll_ms > 0).then_some(Duration::from_millis(self.models_poll_ms))
-    }
-
-    /// [`Settings::session_ms`] as a duration.
-    pub fn session(&self) -> Duration {
-        Duration::from_millis(self.session_ms)
-    }
-
-    /// [`Settings::header_timeout_ms`] as a duration.
-    pub fn header_timeout(&self) -> Duration {
-        Duration::from_millis(self.header_timeout_ms)
-    }
-
-    /// [`Settings::body_timeout_ms`] as a duration.
-    pub fn body_timeout(&self) -> Duration {
-        Duration::from_millis(self.body_timeout_ms)
-    }
-
-    /// [`Settings::write_timeout_ms`] as a duration.
-    pub fn write_timeout(&self) -> Duration {
-        Duration::from_millis(self.write_timeout_ms)
-    }
-
-    /// [`Settings::drain_timeout_ms`] as a duration.
-    pub fn drain_timeout(&self) -> Duration {
-        Duration::from_millis(self.drain_timeout_ms)
-    }
-
-    /// The most streams of one caller.
-    pub fn max_streams_of_one(&self) -> usize {
-        match self.max_streams_per_caller {
-            0 => self.max_streams.div_ceil(2),
-            n => n,
-        }
-    }
-
-    /// [`Settings::stream_message_timeout_ms`] as a duration.
-    pub fn stream_message_timeout(&self) -> Duration {
-        Duration::from_millis(self.stream_message_timeout_ms)
-    }
-
-    /// How long what was sent over a connection may stay unacknowledged before it counts as broken.
-    pub fn unacknowledged_timeout(&self) -> Duration {
-        Duration::from_millis(self.stream_ping_ms.saturating_mul(3))
-    }
-
-    /// [`Settings::stream_ping_ms`] as a duration.
-    pub fn stream_ping(&self) -> Duration {
-        Duration::from_millis(self.stream_ping_ms)
-    }
-
-    /// [`Settings::stream_idle_timeout_ms`] as a duration.
-    pub fn stream_idle_timeout(&self) -> Duration {
-        Duration::from_millis(self.stream_idle_timeout_ms)
-    }
-
-    /// [`Settings::stream_write_timeout_ms`] as a duration.
-    pub fn stream_write_timeout(&self) -> Duration {
-        Duration::from_millis(self.stream_write_timeout_ms)
-    }
-
-    /// [`Settings::stream_resume_ms`] as a duration.
-    pub fn stream_resume(&self) -> Duration {
-        Duration::from_millis(self.stream_resume_ms)
-    }
-
     fn check(&self) -> Result<(), SettingsError> {
         let n_slots = self.n_threads() + self.queue;
         let largest_body = self.largest_body();
@@ -374,6 +342,7 @@ impl Settings {
             return wrong("keys", error.to_string());
         }
         self.sites()?;
+        self.check_outside()?;
         if !(1000..=MAX_SESSION_MS).contains(&self.session_ms) {
             return wrong("session_ms", format!("it must be from 1000 to {MAX_SESSION_MS}, 30 days"));
         }
@@ -475,6 +444,7 @@ fn texts(values: HashMap<String, String>) -> Environment {
         .with_list_parse_key("keys")
         .with_list_parse_key("hosts")
         .with_list_parse_key("origins")
+        .with_list_parse_key("webhooks")
 }
 
 #[cfg(test)]

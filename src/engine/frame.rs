@@ -10,6 +10,8 @@ pub const EMPTY_FRAME: &str =
 /// The bytes of one frame, and their share of the memory for bodies.
 pub struct Frame {
     pub bytes: Bytes,
+    /// They lie among others, which go only with them.
+    is_part: bool,
     /// Gives the memory back when it is dropped.
     held: Arc<dyn Send + Sync>,
 }
@@ -17,11 +19,43 @@ pub struct Frame {
 impl Frame {
     /// Bytes whose memory is `held`.
     pub fn new(bytes: Bytes, held: impl Send + Sync + 'static) -> Self {
-        Self { bytes, held: Arc::new(held) }
+        Self { bytes, is_part: false, held: Arc::new(held) }
+    }
+
+    /// Bytes that lie in a buffer with others, and whose memory is `held`.
+    pub fn within_buffer(bytes: Bytes, held: impl Send + Sync + 'static) -> Self {
+        Self { is_part: true, ..Self::new(bytes, held) }
     }
 
     /// Bytes that are a part of these, or were decoded from them: they share their memory.
     pub fn part(&self, bytes: Bytes) -> Self {
-        Self { bytes, held: self.held.clone() }
+        Self { bytes, is_part: true, held: self.held.clone() }
+    }
+
+    /// The same without its first bytes, which are few.
+    pub fn after(&self, n_bytes: usize) -> Self {
+        let (bytes, held) = (self.bytes.slice(n_bytes..), self.held.clone());
+        Self { bytes, is_part: self.is_part, held }
+    }
+
+    /// The bytes for one who keeps them when the frame is done with; copied only where they would keep others with them.
+    pub fn lasting(&self) -> Bytes {
+        if self.is_part { Bytes::copy_from_slice(&self.bytes) } else { self.bytes.clone() }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_among_others_is_copied_to_be_kept_and_a_whole_one_is_not() {
+        let whole = Frame::new(vec![1, 2, 3].into(), ());
+        assert_eq!(whole.lasting().as_ptr(), whole.bytes.as_ptr());
+        let after = whole.after(1);
+        assert_eq!((after.lasting().as_ptr(), &after.bytes[..]), (after.bytes.as_ptr(), &[2, 3][..]));
+        let part = whole.part(whole.bytes.slice(1..));
+        assert_ne!(part.lasting().as_ptr(), part.bytes.as_ptr());
+        assert_eq!(part.lasting(), part.bytes);
     }
 }

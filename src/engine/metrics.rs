@@ -6,22 +6,27 @@
 //! | `recorder` | the counters and histograms of one service, and their text form |
 //! | `labels` | the closed sets of what labels say |
 //! | `kept` | handles that are found again without allocating |
-//! | `totals` | what was counted of the frames of one version |
+//! | `totals`, `sums` | what was counted of the frames of one version, and of all |
+//! | `beside` | what is set by what works beside frames |
 //! | `process` | what Linux tells of the process |
 //!
 //! No label has a value that a caller chose, so that nobody can make series without end: routes are matched
 //! patterns, models those of the registry, everything else a closed set.
 
+mod beside;
 pub mod catalog;
 mod kept;
 mod labels;
 pub mod process;
 mod recorder;
+mod sums;
 mod totals;
 
-pub use labels::{FrameOutcome, SwapKind, SwapOutcome, Transport};
+pub use labels::{FrameOutcome, SwapKind, SwapOutcome, TrainingOutcome, Transport, WebhookOutcome};
 pub use recorder::Readings;
+pub use sums::SumsNow;
 
+use beside::Beside;
 use kept::Kept;
 use labels::{DROP_REASONS, drop_name, known_name};
 use metrics::{Counter, Histogram};
@@ -33,11 +38,15 @@ use roomsight_recognition::model::Recognition;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
+use sums::Sums;
 use tokio::time::interval;
 use totals::Totals;
 
 /// How often recorded durations are sorted into buckets while nobody scrapes.
 const SORT_INTERVAL: Duration = Duration::from_secs(5);
+
+/// The status of requests that are refused since the queue or the memory is full.
+const TOO_MANY_REQUESTS: u16 = 429;
 
 /// What one service has counted and measured.
 pub struct Metrics {
@@ -47,6 +56,8 @@ pub struct Metrics {
     models: Kept<String, Arc<ModelFrames>>,
     drops: Kept<DropReason, Counter>,
     events_lost: Counter,
+    sums: Sums,
+    beside: Beside,
 }
 
 /// Requests of one route.
@@ -90,6 +101,8 @@ impl Metrics {
         let metrics = Self {
             events_lost: recorder.counter(&catalog::EVENTS_LOST, &[]),
             started: Instant::now(),
+            sums: Sums::default(),
+            beside: Beside::default(),
             routes: Kept::default(),
             models: Kept::default(),
             drops: Kept::default(),
@@ -104,6 +117,8 @@ impl Metrics {
                 metrics.swaps(kind, outcome).increment(0);
             }
         }
+        TrainingOutcome::ALL.into_iter().for_each(|outcome| metrics.trainings(outcome).increment(0));
+        WebhookOutcome::ALL.into_iter().for_each(|outcome| metrics.webhooks(outcome).increment(0));
         Ok(metrics)
     }
 
@@ -118,10 +133,14 @@ impl Metrics {
         });
         answered.increment(1);
         route.duration.record(took);
+        if status == TOO_MANY_REQUESTS {
+            self.sums.refused();
+        }
     }
 
     /// A frame came to its end with the model that answered it, or was to.
     pub fn frame(&self, name: &str, version: u64, transport: Transport, outcome: FrameOutcome) {
+        self.sums.frame(outcome);
         let model = self.model(name);
         let told = model.told.get(&(version, transport, outcome.name()), || {
             let values = [name, &version.to_string(), transport.name(), outcome.name()];
@@ -151,6 +170,9 @@ impl Metrics {
             .get(room, Arc::default)
             .get(&known, || self.recorder.counter(&catalog::ANSWERS, &[model_name, room, known]));
         answers.increment(1);
+        if !recognition.known {
+            self.sums.unknown();
+        }
         model.probability.record(f64::from(recognition.probability()));
         if let Some(novelty) = recognition.novelty {
             model.novelty.record(f64::from(novelty));
@@ -165,6 +187,12 @@ impl Metrics {
     /// A frame of a stream was not looked at.
     pub fn dropped(&self, reason: DropReason) {
         self.drops(reason).increment(1);
+        self.sums.dropped();
+    }
+
+    /// What was counted of all frames together.
+    pub fn sums(&self) -> SumsNow {
+        self.sums.read()
     }
 
     /// A slow reader of events lost some.
@@ -176,6 +204,21 @@ impl Metrics {
     pub fn swapped(&self, kind: SwapKind, took: Duration, outcome: SwapOutcome) {
         self.swaps(kind, outcome).increment(1);
         self.recorder.histogram(&catalog::SWAP_DURATION, &[kind.name()]).record(took);
+    }
+
+    /// A training has ended.
+    pub fn trained(&self, outcome: TrainingOutcome) {
+        self.trainings(outcome).increment(1);
+    }
+
+    /// What became of an event for a webhook.
+    pub fn webhook(&self, outcome: WebhookOutcome) {
+        self.webhooks(outcome).increment(1);
+    }
+
+    /// What is set by what works beside frames.
+    pub fn beside(&self) -> &Beside {
+        &self.beside
     }
 
     /// Since the service started.
@@ -216,6 +259,14 @@ impl Metrics {
 
     fn drops(&self, reason: DropReason) -> Counter {
         self.drops.get(&reason, || self.recorder.counter(&catalog::DROPS, &[drop_name(reason)]))
+    }
+
+    fn trainings(&self, outcome: TrainingOutcome) -> Counter {
+        self.recorder.counter(&catalog::TRAININGS, &[outcome.name()])
+    }
+
+    fn webhooks(&self, outcome: WebhookOutcome) -> Counter {
+        self.recorder.counter(&catalog::WEBHOOKS, &[outcome.name()])
     }
 
     fn swaps(&self, kind: SwapKind, outcome: SwapOutcome) -> Counter {

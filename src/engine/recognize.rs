@@ -5,6 +5,7 @@ use crate::engine::frame::Frame;
 use crate::engine::metrics::{FrameOutcome, Transport};
 use crate::engine::pool::{Panicked, QueueFull, Slot, Undone};
 use crate::engine::registry::{ServedModel, ShadowPermit, distance};
+use crate::engine::robots::RobotRecord;
 use crate::engine::timings::Timings;
 use crate::problem::{Kind, Problem};
 use roomsight_recognition::model::{Evidence, NearFrame, PoseEstimate, Recognition, Scratch};
@@ -17,7 +18,7 @@ use tokio::time::timeout_at;
 use tracing::{Span, debug_span};
 
 /// What to do with a frame. One model recognizes it from start to end.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Task {
     /// The model that answers.
     pub served: Arc<ServedModel>,
@@ -27,6 +28,16 @@ pub struct Task {
     pub explain: bool,
     /// What brought the frame.
     pub transport: Transport,
+    /// Whose last frame it is, where it is to be kept.
+    pub shown_for: Option<Shown>,
+}
+
+/// A frame that is kept as the last one of a robot.
+#[derive(Clone)]
+pub struct Shown {
+    pub robot: Arc<RobotRecord>,
+    /// See [`Robots::frame_number`](crate::engine::robots::Robots::frame_number).
+    pub number: u64,
 }
 
 /// What was seen in a frame.
@@ -210,6 +221,9 @@ pub fn look(
     let decode = if with_colors { Image::decode_with_colors } else { Image::decode };
     let (image, decode_time) = timed(&debug_span!("decode"), || decode(&frame.bytes, &limits));
     let image = image?;
+    if let Some(Shown { robot, number }) = &task.shown_for {
+        engine.robots.keep(robot, *number, || frame.lasting());
+    }
     drop(frame);
     if has_left() {
         return Err(RecognizeError::CallerLeft);

@@ -7,14 +7,12 @@
 //! | `change` | another version comes to serve: loaded and tried first, then swapped at once |
 //! | `default` | which model answers requests that name none |
 //! | `follow` | the start, and what changes in the repository while the service runs |
-//! | `aside` | work that stands aside for frames |
 //! | `shadow` | a version that is compared with the stable one |
 //!
 //! Frames read one pointer, to a table that is never changed but replaced. All else is kept in a book behind a
 //! lock that is never held while files are read or models tried. Loading happens on the threads of the callers,
 //! never on those that recognize.
 
-mod aside;
 mod change;
 mod default;
 mod error;

@@ -24,11 +24,16 @@ fn read(engine: &Engine) -> String {
         (&catalog::THREADS, load.n_threads),
         (&catalog::THREADS_BUSY, load.n_running),
         (&catalog::BODY_BYTES, body_bytes),
-        (&catalog::EVENT_READERS, engine.events.n_readers()),
+        (&catalog::EVENT_READERS, engine.events.n_readers() + engine.live.n_readers()),
+        (&catalog::LIVE_FRAME_BYTES, engine.robots.frames().n_bytes()),
+        (&catalog::TRAINING_RUNNING, usize::from(engine.metrics.beside().is_training())),
+        (&catalog::MQTT_CONNECTED, usize::from(engine.metrics.beside().is_broker_connected())),
         (&catalog::DRAINING, usize::from(engine.is_draining())),
     ] {
         readings.add(metric, value as f64);
     }
+    readings.add(&catalog::INBOX_FRAMES, engine.metrics.beside().inbox_frames() as f64);
+    readings.add(&catalog::INBOX_BYTES, engine.metrics.beside().inbox_bytes() as f64);
     read_streams(engine, &mut readings);
     read_models(engine, &mut readings);
     readings.add_series(&catalog::BUILD_INFO, [([env!("CARGO_PKG_VERSION")], 1.0)]);
@@ -46,21 +51,31 @@ fn read(engine: &Engine) -> String {
 fn read_streams(engine: &Engine, readings: &mut Readings) {
     let records = engine.streams.records();
     let (connected, resumable): (Vec<_>, Vec<_>) = records.iter().partition(|record| record.is_connected());
-    let robots: BTreeSet<String> = connected.iter().filter_map(|record| record.name().robot).collect();
+    let robots: BTreeSet<String> = connected.iter().filter_map(|record| record.robot()).collect();
     let counted = [(["connected"], connected.len() as f64), (["resumable"], resumable.len() as f64)];
     readings.add_series(&catalog::STREAMS, counted);
     readings.add(&catalog::ROBOTS, robots.len() as f64);
+    let n_lost = engine.robots.all().iter().filter(|record| record.is_lost()).count();
+    readings.add(&catalog::ROBOTS_LOST, n_lost as f64);
 }
 
 fn read_models(engine: &Engine, readings: &mut Readings) {
     let mut n_by_state = BTreeMap::<String, usize>::new();
     let mut labeled = Vec::new();
     let (mut shadowed, mut distances) = (Vec::new(), Vec::new());
+    let (mut known, mut novelties) = (Vec::new(), Vec::new());
     for (name, entry) in &engine.registry.entries() {
         let serving = engine.registry.serving(name);
         for version in model_info(name, entry, &engine.registry).versions {
             *n_by_state.entry(state_name(version.state)).or_default() += 1;
             labeled.extend(version.labels.iter().map(|label| (info(name, &version, label), 1.0)));
+        }
+        if let Some(stable) = &serving.stable
+            && let Some(expected) = stable.expected()
+        {
+            let labels = || [name.clone(), stable.version.to_string()];
+            known.push((labels(), expected.known));
+            novelties.extend(expected.novelty.map(|novelty| (labels(), novelty)));
         }
         if let Some(shadow) = &serving.shadow {
             let Tally { n_compared, n_agreed, n_skipped, total_distance } = shadow.tally();
@@ -73,6 +88,8 @@ fn read_models(engine: &Engine, readings: &mut Readings) {
     let counted = n_by_state.into_iter().map(|(state, n_versions)| ([state], n_versions as f64));
     readings.add_series(&catalog::MODEL_VERSIONS, counted);
     readings.add_series(&catalog::MODEL_INFO, labeled);
+    readings.add_series(&catalog::EXPECTED_KNOWN, known);
+    readings.add_series(&catalog::EXPECTED_NOVELTY, novelties);
     readings.add_series(&catalog::SHADOW_FRAMES, shadowed);
     readings.add_series(&catalog::SHADOW_DISTANCE, distances);
 }

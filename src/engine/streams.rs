@@ -86,7 +86,7 @@ impl Streams {
         }
     }
 
-    /// What dashboards may know, the stream that began first first.
+    /// The robots of all streams, the stream that began first first.
     pub fn records(&self) -> Vec<Arc<RobotRecord>> {
         self.permits.records()
     }
@@ -133,7 +133,7 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
             return arrival.socket.close(Close::Full).await;
         }
     };
-    let record = Arc::new(RobotRecord::new(stream.clone(), key));
+    let record = Arc::new(RobotRecord::of_stream(stream.clone(), key));
     let identity = Identity { session: session.clone(), stream: stream.clone(), caller: id };
     let conversation = match Session::new(engine.clone(), identity, settings, record.clone()) {
         Ok(conversation) => conversation,
@@ -144,7 +144,7 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
     };
     let (sender, arrivals) = mpsc::channel(1);
     let given_up = conversation.given_up().clone();
-    let permit = Permit { arrivals: sender, holder, record, given_up };
+    let permit = Permit { arrivals: sender, holder, record: record.clone(), given_up };
     if let Err(no_permit) = engine.streams.permits.take(session.clone(), permit) {
         let why = match no_permit {
             NoPermit::Full => Close::Full,
@@ -153,8 +153,10 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
         return arrival.socket.close(why).await;
     }
     tracing::info!(stream, "a stream begins");
+    engine.robots.enter(&record);
     conversation.run(arrival, arrivals).await;
     engine.streams.permits.leave(&session);
+    engine.robots.left(&record);
     tracing::info!(stream, "a stream ended");
 }
 

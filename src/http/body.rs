@@ -216,8 +216,9 @@ async fn collect(mut body: Body, limit: usize, mut held: Held) -> Result<Frame, 
         }
     }
     held.complete();
-    let bytes = if pieces.is_empty() { whole } else { Bytes::from(pieces) };
-    Ok(Frame::new(bytes, held))
+    // A single piece lies in the connection's buffer.
+    let is_single = pieces.is_empty();
+    Ok(if is_single { Frame::within_buffer(whole, held) } else { Frame::new(pieces.into(), held) })
 }
 
 /// Takes a body of `n_bytes` apart: a long one as its caller's work, on a thread that recognizes, so that those

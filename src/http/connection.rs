@@ -4,6 +4,7 @@ mod misread;
 mod write_timeout;
 
 use crate::engine::caller::CallerId;
+use crate::engine::history;
 use crate::engine::watch::watch;
 use crate::http::caller::Peer;
 use crate::http::connection::misread::Misread;
@@ -11,6 +12,7 @@ use crate::http::connection::write_timeout::WriteTimeout;
 use crate::http::routes::router;
 use crate::http::seats::{Line, Seat, Seats};
 use crate::http::{App, tls};
+use crate::outside;
 use hyper::body::Incoming;
 use hyper::header::{CONNECTION, HeaderValue};
 use hyper::server::conn::http1;
@@ -65,6 +67,15 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
     aside.spawn({
         let app = app.clone();
         async move { match app.refusals.tell().await {} }
+    });
+    aside.spawn({
+        let app = app.clone();
+        async move { match app.engine.live.make(&app.engine.robots).await {} }
+    });
+    aside.spawn(outside::tell(app.engine.clone()));
+    aside.spawn({
+        let engine = app.engine.clone();
+        async move { match history::keep(engine).await {} }
     });
     if app.speaks_tls() {
         let app = app.clone();

@@ -150,6 +150,12 @@ pub struct ViewerProblems;
 /// What can go wrong when one robot is asked for.
 pub struct RobotProblems;
 
+/// What can go wrong when a robot's last frame is asked for.
+pub struct FramePictureProblems;
+
+/// What can go wrong when the map of a version is asked for.
+pub struct MapProblems;
+
 /// What can go wrong before a stream begins.
 pub struct StreamProblems;
 
@@ -246,6 +252,18 @@ impl IntoResponses for ViewerProblems {
 impl IntoResponses for RobotProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
         keyed([Kind::NotFound])
+    }
+}
+
+impl IntoResponses for FramePictureProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        keyed([Kind::BadRequest, Kind::NotFound, Kind::TooLarge, Kind::NotAnImage, Kind::Internal])
+    }
+}
+
+impl IntoResponses for MapProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        keyed([Kind::BadRequest, Kind::NoSuchModel, Kind::NotReady, Kind::Internal])
     }
 }
 

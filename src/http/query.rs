@@ -94,9 +94,11 @@ impl Asked {
             deadline: wait.and_then(|wait| caller.context.arrived.checked_add(wait)),
             explain: query.explain,
             transport: caller.transport,
+            shown_for: None,
         };
         let id = caller.id.with_robot(query.robot.as_deref());
-        Ok(Asked { query, request_id: caller.context.id, arrived: caller.context.arrived, task, caller: id })
+        let RequestContext { id: request_id, arrived } = caller.context;
+        Ok(Asked { query, request_id, arrived, task, caller: id, key: caller.key })
     }
 }
 

@@ -5,11 +5,13 @@ mod events;
 mod health;
 mod inbox;
 mod keys;
+mod live;
 mod metrics;
 mod models;
 mod oip;
 mod recognize;
 mod robots;
+mod service;
 mod session;
 mod sets;
 mod stream;
@@ -90,6 +92,11 @@ fn of_viewers() -> OpenApiRouter<App> {
         .routes(routes!(events::events))
         .routes(routes!(robots::list_robots))
         .routes(routes!(robots::show_robot))
+        .routes(routes!(robots::show_frame))
+        .routes(routes!(live::watch_robots))
+        .routes(routes!(service::show_service))
+        .routes(routes!(service::show_history))
+        .routes(routes!(models::show_map))
         .routes(routes!(metrics::scrape))
         .routes(routes!(sets::list_sets))
         .routes(routes!(sets::show_set))

@@ -174,6 +174,14 @@ pub fn http(patience: Duration) -> ClientBuilder {
     plain(patience).tls_certs_only([])
 }
 
+/// A client that speaks TLS too, and believes the authorities that the system believes.
+///
+/// # Errors
+/// A system without authorities.
+pub fn https(patience: Duration) -> Result<ClientBuilder, ClientError> {
+    Ok(plain(patience).tls_backend_preconfigured(tls::believing(None)?))
+}
+
 fn plain(patience: Duration) -> ClientBuilder {
     install_provider();
     reqwest::Client::builder().timeout(patience).no_proxy()

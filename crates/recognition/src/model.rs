@@ -11,6 +11,7 @@ mod card;
 mod choose;
 mod config;
 mod effort;
+mod expected;
 mod extractor;
 mod folder;
 mod format;
@@ -54,6 +55,7 @@ pub use choose::{
 };
 pub use config::Config;
 pub use effort::{Effort, Means};
+pub use expected::Expected;
 pub use extractor::{Extractor, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadedModel, MAX_MODEL_BYTES, SaveError, VerifiedFile, move_into_place, networks_in,
@@ -344,18 +346,26 @@ impl Model {
 impl Classification {
     fn classify(&self, config: &Config, features: &Features) -> Recognition {
         let said = self.said(features);
-        let by_opinion = self.opinions.iter().zip(&said);
+        let (probabilities, novelty) = self.answer(config, &said);
+        let known = self.known.filter(|_| said.iter().any(Option::is_some));
+        Recognition::new(probabilities, novelty, known, features)
+    }
+
+    /// The rooms' probabilities for a frame of which opinions say this, and how new it is, where any says something.
+    fn answer(&self, config: &Config, said: &[Option<Said>]) -> (Vec<f32>, Option<f32>) {
+        let by_opinion = self.opinions.iter().zip(said);
         let by_opinion: Vec<Option<Vec<f32>>> = by_opinion
             .map(|(opinion, said)| Some(opinion.calibration.probabilities(&said.as_ref()?.values)))
             .collect();
         let weights: Vec<f64> = self.opinions.iter().map(|opinion| opinion.weight).collect();
         let probabilities = pool::answer(&by_opinion, &weights, self.doubt, self.n_rooms);
-        if said.iter().all(Option::is_none) {
-            return Recognition::new(probabilities, None, None, features);
-        }
-        let signs = novelty::signs_of(config, &said, &by_opinion, &probabilities);
-        let novelty = self.novelty.as_ref().map(|novelty| novelty.of(&signs));
-        Recognition::new(probabilities, novelty, self.known, features)
+        let sees = said.iter().any(Option::is_some);
+        let novelty = self
+            .novelty
+            .as_ref()
+            .filter(|_| sees)
+            .map(|novelty| novelty.of(&novelty::signs_of(config, said, &by_opinion, &probabilities)));
+        (probabilities, novelty)
     }
 
     /// What each opinion says of a frame.

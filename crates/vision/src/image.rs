@@ -175,6 +175,11 @@ impl Image {
         resize::shrink_to(self, longest_side)
     }
 
+    /// A picture to look at, at most so many pixels wide, by area averaging; with colors where there are any.
+    pub fn thumbnail(&self, width: usize) -> Option<Self> {
+        resize::thumbnail(self, width)
+    }
+
     /// Pixels of the frame as it was sent for one pixel of the image, along a side: 1, 2, 4 or 8.
     pub fn reduction(&self) -> usize {
         self.reduction

@@ -133,8 +133,22 @@ pub const STREAMS: Metric = gauge(
 /// Robots.
 pub const ROBOTS: Metric =
     gauge("roomsight_robots", &[], "Names of robots that are connected by streams, each counted once.");
+/// Robots that do not know where they are.
+pub const ROBOTS_LOST: Metric = gauge(
+    "roomsight_robots_lost",
+    &[],
+    "Robots whose answers have been unknown for longer than `lost_after_ms`, that stream or have sent a request in the \
+     last half a minute.",
+);
+/// Their last frames.
+pub const LIVE_FRAME_BYTES: Metric = gauge(
+    "roomsight_live_frame_bytes",
+    &[],
+    "Bytes of the robots' last frames that are kept for dashboards.",
+);
 /// Dashboards.
-pub const EVENT_READERS: Metric = gauge("roomsight_event_readers", &[], "Callers that read events.");
+pub const EVENT_READERS: Metric =
+    gauge("roomsight_event_readers", &[], "Callers that read events, or robots as that changes.");
 /// What dashboards missed.
 pub const EVENTS_LOST: Metric =
     counter("roomsight_events_lost_total", &[], "Events that readers lost because they were slow.");
@@ -143,6 +157,19 @@ pub const MODEL_INFO: Metric = gauge(
     "roomsight_model_info",
     &["model", "version", "label", "epoch", "digest"],
     "1 for each version with a label; the digest is the beginning of the model file's.",
+);
+/// How many answers training lets expect to be known.
+pub const EXPECTED_KNOWN: Metric = gauge(
+    "roomsight_model_expected_known_ratio",
+    &["model", "version"],
+    "Of each stable version: the share of the answers to held-out training frames that were known. Where much less is \
+     known, frames have changed since training.",
+);
+/// How new frames look by training.
+pub const EXPECTED_NOVELTY: Metric = gauge(
+    "roomsight_model_expected_novelty_ratio",
+    &["model", "version"],
+    "Of each stable version that can tell: the mean novelty of held-out training frames.",
 );
 /// States of versions.
 pub const MODEL_VERSIONS: Metric =
@@ -173,6 +200,30 @@ pub const SWAP_DURATION: Metric = seconds(
     &["kind"],
     "How long changes of what serves took, loading and warming included; frames are answered meanwhile.",
 );
+/// What waits for a label.
+pub const INBOX_FRAMES: Metric =
+    gauge("roomsight_inbox_frames", &[], "Doubted frames that are kept to be labeled.");
+/// How much that is.
+pub const INBOX_BYTES: Metric = gauge("roomsight_inbox_bytes", &[], "Bytes of these frames.");
+/// Trainings that ended.
+pub const TRAININGS: Metric = counter(
+    "roomsight_trainings_total",
+    &["outcome"],
+    "Trainings that the service ran, by how they ended: done, failed, cancelled.",
+);
+/// One that runs.
+pub const TRAINING_RUNNING: Metric =
+    gauge("roomsight_training_running", &[], "1 while a training runs, else 0.");
+/// What webhooks were told.
+pub const WEBHOOKS: Metric = counter(
+    "roomsight_webhook_deliveries_total",
+    &["outcome"],
+    "Events for webhooks: delivered, refused by the address, failed after the last try, or dropped since too many \
+     waited; and retried, for each try after the first.",
+);
+/// Whether the broker hears.
+pub const MQTT_CONNECTED: Metric =
+    gauge("roomsight_mqtt_connected", &[], "1 while the broker of MQTT is connected, else 0.");
 /// The program.
 pub const BUILD_INFO: Metric = gauge("roomsight_build_info", &["version"], "1 for the program's version.");
 /// How long it has run.
@@ -186,7 +237,7 @@ pub const RESIDENT_MEMORY: Metric =
 pub const CPU: Metric =
     counter("process_cpu_seconds_total", &[], "Processor time of the process. Only on Linux.");
 
-pub const ALL: [&Metric; 29] = [
+pub const ALL: [&Metric; 39] = [
     &REQUESTS,
     &REQUEST_DURATION,
     &FRAMES,
@@ -203,14 +254,24 @@ pub const ALL: [&Metric; 29] = [
     &BODY_BYTES,
     &STREAMS,
     &ROBOTS,
+    &ROBOTS_LOST,
+    &LIVE_FRAME_BYTES,
     &EVENT_READERS,
     &EVENTS_LOST,
     &MODEL_INFO,
+    &EXPECTED_KNOWN,
+    &EXPECTED_NOVELTY,
     &MODEL_VERSIONS,
     &SHADOW_FRAMES,
     &SHADOW_DISTANCE,
     &SWAPS,
     &SWAP_DURATION,
+    &INBOX_FRAMES,
+    &INBOX_BYTES,
+    &TRAININGS,
+    &TRAINING_RUNNING,
+    &WEBHOOKS,
+    &MQTT_CONNECTED,
     &BUILD_INFO,
     &UPTIME,
     &DRAINING,

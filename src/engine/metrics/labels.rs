@@ -56,6 +56,58 @@ pub enum SwapOutcome {
     Lost,
 }
 
+/// How a training ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TrainingOutcome {
+    /// There is a model.
+    Done,
+    /// There is none.
+    Failed,
+    /// Somebody ended it.
+    Cancelled,
+}
+
+/// What became of an event for a webhook.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WebhookOutcome {
+    /// It was taken.
+    Delivered,
+    /// It was not, and is tried once more.
+    Retried,
+    /// The address does not take it.
+    Refused,
+    /// It was not taken at the last try either.
+    Failed,
+    /// Too many waited before it.
+    Dropped,
+}
+
+impl TrainingOutcome {
+    pub const ALL: [Self; 3] = [Self::Done, Self::Failed, Self::Cancelled];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Failed => "failed",
+            Self::Cancelled => "cancelled",
+        }
+    }
+}
+
+impl WebhookOutcome {
+    pub const ALL: [Self; 5] = [Self::Delivered, Self::Retried, Self::Refused, Self::Failed, Self::Dropped];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Delivered => "delivered",
+            Self::Retried => "retried",
+            Self::Refused => "refused",
+            Self::Failed => "failed",
+            Self::Dropped => "dropped",
+        }
+    }
+}
+
 impl Transport {
     pub fn name(self) -> &'static str {
         match self {

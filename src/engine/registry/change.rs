@@ -1,11 +1,11 @@
 //! Another version comes to serve: it is loaded and tried first, then takes the place of the old one at once.
 
-use super::aside::aside;
 use super::state::{Loaded, State};
 use super::table::{STABLE, Table};
 use super::{
     ChangeError, Failure, LookupError, RegisteredModel, Registry, ServedModel, Serving, Shadow, lock,
 };
+use crate::engine::aside::aside;
 use crate::engine::metrics::{SwapKind, SwapOutcome};
 use crate::repository::{Canary, Change, RecordError, RepositoryError, ServingRecord};
 use roomsight_protocol::event::Event;
@@ -91,7 +91,13 @@ impl Registry {
     ) -> Result<(), ChangeError> {
         let is_automatic = matches!(kind, SwapKind::Latest);
         let wanted = Wanted { change, ticket: 0, expected_epoch, is_automatic };
-        self.counted(kind, || self.insist(name, wanted))
+        self.counted(kind, || self.insist(name, wanted)).inspect_err(|error| {
+            // Whoever asked hears of it; of the others only what concerns all.
+            if !matches!(error, ChangeError::Superseded | ChangeError::Stale { .. }) {
+                let (model, change) = (name.to_owned(), kind.name().to_owned());
+                self.events.tell(Event::SwapFailed { model, change, reason: error.to_string() });
+            }
+        })
     }
 
     /// Tries to make a change for as long as others are faster.
@@ -365,7 +371,7 @@ impl Registry {
                         digest = served.digest,
                         "serves"
                     );
-                    self.events.tell(|| Event::ModelChanged { to: ModelName::from(&**served) });
+                    self.events.tell(Event::ModelChanged { to: ModelName::from(&**served) });
                 }
                 None => tracing::info!(model = name, "nothing serves"),
             }
@@ -401,9 +407,7 @@ impl RegisteredModel {
             let version = version?;
             let Loaded { model, digest } = self.versions.get(&version)?.loaded()?.clone();
             let same = old.filter(|old| old.version == version && Arc::ptr_eq(&old.model, &model));
-            let new = || {
-                Arc::new(ServedModel { name: name.to_owned(), version, epoch, model: model.clone(), digest })
-            };
+            let new = || Arc::new(ServedModel::new(name, version, epoch, model.clone(), digest));
             Some(same.cloned().unwrap_or_else(new))
         };
         let old_canary = before.canary.as_ref().map(|(served, _)| served);

@@ -107,7 +107,7 @@ mod tests {
         Permit {
             arrivals: mpsc::channel(1).0,
             holder: CallerId::Robot(holder.into()),
-            record: Arc::new(RobotRecord::new("public".into(), None)),
+            record: Arc::new(RobotRecord::of_stream("public".into(), None)),
             given_up: CancellationToken::new(),
         }
     }
@@ -167,7 +167,7 @@ mod tests {
         let permits = Permits::new(4, 4);
         let key = |role, secret: u8| Arc::new(Key::new(role, "boss", &[secret; 32]).unwrap().1);
         let boss = key(Role::Admin, 1);
-        let record = Arc::new(RobotRecord::new("public".into(), Some(boss.clone())));
+        let record = Arc::new(RobotRecord::of_stream("public".into(), Some(boss.clone())));
         permits.take("secret".into(), Permit { record, ..permit("boss") }).unwrap();
         assert!(permits.arrivals("secret", Some(&boss)).is_some());
         for other in [Some(key(Role::Admin, 2)), Some(key(Role::Robot, 1)), None] {

@@ -144,10 +144,10 @@ impl Session {
         loop {
             let Some(arrived) = arrival.take() else { break };
             self.record.connected(true);
-            self.engine.events.tell(|| Event::RobotJoined(self.record.name()));
+            self.engine.events.tell(Event::RobotJoined(self.record.name()));
             let end = self.converse(arrived, &mut arrivals).await;
             self.record.connected(false);
-            self.engine.events.tell(|| Event::RobotLeft(self.record.name()));
+            self.engine.events.tell(Event::RobotLeft(self.record.name()));
             arrival = match end {
                 End::Closed => None,
                 End::Replaced(arrival) => Some(*arrival),
@@ -179,7 +179,7 @@ impl Session {
             }
         }
         let record = self.record.clone();
-        let mut revoked = pin!(engine.keyring.revoked(record.key(), || record.name().robot));
+        let mut revoked = pin!(engine.keyring.revoked(record.key(), || record.robot()));
         let every = engine.settings.stream_ping();
         let mut pings = interval_at(tokio::time::Instant::now() + every, every);
         pings.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -276,7 +276,7 @@ impl Session {
                     biased;
                     () = engine.stopping.cancelled() => return None,
                     () = self.given_up.cancelled() => return None,
-                    () = engine.keyring.revoked(record.key(), || record.name().robot) => return None,
+                    () = engine.keyring.revoked(record.key(), || record.robot()) => return None,
                     Some(news) = self.news.recv() => { self.hear(news); }
                     arrival = arrivals.recv() => return arrival,
                 }
@@ -374,6 +374,7 @@ impl Session {
             model: self.settings.model.clone(),
             robot: self.settings.robot.clone(),
             explain: self.settings.explain,
+            record: self.record.clone(),
             newsroom: self.newsroom.clone(),
         };
         let span = tracing::Span::current();
@@ -404,7 +405,7 @@ impl Session {
                 Outcome::Seen(seen) => {
                     self.engine.metrics.answer(&seen.served.name, seen.room(), &seen.recognition);
                     self.count(&seen.served.name, seen.served.version, FrameOutcome::Answered(seen.timings));
-                    self.teller.result(&frame, *seen, &self.settings, &self.engine.events, &self.record)
+                    self.teller.result(&frame, *seen, &self.settings, &self.engine, &self.record)
                 }
                 Outcome::Failed(problem) => {
                     self.record.failed();
@@ -442,7 +443,8 @@ impl Session {
         match changed() {
             Ok(settings) => {
                 self.settings = settings;
-                self.record.configured(self.settings.robot.as_deref(), self.settings.mode);
+                let robot = self.settings.robot.as_deref();
+                self.engine.robots.configured(&self.record, robot, self.settings.mode);
                 // What waited for its time in the mode `sampled` may no longer have to.
                 self.next_look = Instant::now();
                 self.queue();

@@ -5,14 +5,14 @@ use super::kept::Kept;
 use super::ledger::Accepted;
 use super::message::text;
 use super::moment::{Elapsed, Moment};
+use crate::engine::Engine;
 use crate::engine::answer::{answer, by_probability};
-use crate::engine::events::Events;
 use crate::engine::recognize::Seen;
 use crate::engine::registry::ServedModel;
 use crate::engine::robots::RobotRecord;
 use crate::engine::timings::ms;
 use crate::settings::Settings;
-use roomsight_protocol::event::{AnswerEvent, Event};
+use roomsight_protocol::event::AnswerEvent;
 use roomsight_protocol::rest::{ModelName, RecognizeQuery};
 use roomsight_protocol::stream::{
     FilterChange, FilterSettings, Filtered, ModelChanged, Notice, NoticeKind, ServerMessage, StreamResult,
@@ -73,7 +73,7 @@ impl Teller {
         frame: &Accepted,
         seen: Seen,
         settings: &StreamSettings,
-        events: &Events,
+        engine: &Engine,
         record: &RobotRecord,
     ) -> Vec<Utf8Bytes> {
         let mut said: Vec<Utf8Bytes> = self.changed_model(frame.seq, &seen.served).into_iter().collect();
@@ -86,8 +86,8 @@ impl Teller {
         let age_ms = Moment::of(frame).age_ms();
         let result = StreamResult { seq: frame.seq, answer, filtered, age_ms, notice };
         let latency_ms = ms(frame.arrived.elapsed());
-        record.answered(&result);
-        events.tell(|| Event::Answer(Box::new(AnswerEvent::of_stream(&self.stream, &result, latency_ms))));
+        engine.robots.answered_in_stream(record, &result, latency_ms);
+        engine.events.answered(|| AnswerEvent::of_stream(&self.stream, &result, latency_ms));
         said.push(text(&ServerMessage::Result(Box::new(result))));
         said
     }

@@ -6,8 +6,9 @@ use crate::engine::Engine;
 use crate::engine::frame::Frame;
 use crate::engine::metrics::Transport;
 use crate::engine::pool::Panicked;
-use crate::engine::recognize::{RecognizeError, Task, look};
+use crate::engine::recognize::{RecognizeError, Shown, Task, look};
 use crate::engine::registry::Choice;
+use crate::engine::robots::RobotRecord;
 use roomsight_protocol::stream::DropReason;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -32,6 +33,8 @@ pub struct Turn {
     pub robot: Option<String>,
     /// Whether it is told why a room was answered.
     pub explain: bool,
+    /// Whose frames they are.
+    pub record: Arc<RobotRecord>,
     /// The stream's task.
     pub newsroom: UnboundedSender<News>,
 }
@@ -41,12 +44,14 @@ impl Turn {
     pub fn run(self) {
         let robot = self.robot.as_deref();
         let choose = || self.engine.registry.choose(Some(&self.model), &Choice::Serving, robot);
+        // Numbers of a stream's frames grow as these are taken.
+        let choose = || (choose(), self.engine.robots.frame_number());
         let Taken { expired, frame } = self.lane.take(Instant::now(), choose);
         let _ = self.newsroom.send(News::Took);
         for seq in expired {
             let _ = self.newsroom.send(News::Settled(seq, Outcome::Dropped(DropReason::Deadline)));
         }
-        let Some((waiting, served)) = frame else { return };
+        let Some((waiting, (served, number))) = frame else { return };
         let Waiting { seq, arrived, deadline, frame, n_header_bytes, share, spans } = waiting;
         let span = spans.taken();
         let queue = arrived.elapsed();
@@ -55,8 +60,10 @@ impl Turn {
             (_, None) => Outcome::Dropped(DropReason::Overload),
             (Err(error), _) => Outcome::Failed(error.into()),
             (Ok(served), Some(frame)) => {
-                let frame = frame.part(frame.bytes.slice(n_header_bytes..));
-                let task = Task { served, deadline, explain: self.explain, transport: Transport::Stream };
+                let shown_for = Some(Shown { robot: self.record.clone(), number });
+                let (explain, transport) = (self.explain, Transport::Stream);
+                let task = Task { served, deadline, explain, transport, shown_for };
+                let frame = frame.after(n_header_bytes);
                 span.in_scope(|| see(&self.engine, frame, task, queue))
             }
         });

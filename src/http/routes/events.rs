@@ -15,9 +15,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 /// How often a reader hears something when nothing happens, so that nobody between cuts the line.
-const KEEP_ALIVE: Duration = Duration::from_secs(15);
+pub const KEEP_ALIVE: Duration = Duration::from_secs(15);
 /// Tells nginx, and those that learned it from nginx, to pass each event on as it comes.
-const X_ACCEL_BUFFERING: HeaderName = HeaderName::from_static("x-accel-buffering");
+pub const X_ACCEL_BUFFERING: HeaderName = HeaderName::from_static("x-accel-buffering");
 
 /// What happens, as server-sent events
 ///
@@ -53,6 +53,10 @@ fn as_sent(event: &Event) -> sse::Event {
         Event::RobotJoined(_) => "robot_joined",
         Event::RobotLeft(_) => "robot_left",
         Event::ModelChanged { .. } => "model_changed",
+        Event::SwapFailed { .. } => "swap_failed",
+        Event::RobotLost(_) => "robot_lost",
+        Event::RobotFound(_) => "robot_found",
+        Event::RoomChanged(_) => "room_changed",
         Event::Lost { .. } => "lost",
     };
     // Plain values always have a JSON form.

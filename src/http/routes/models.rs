@@ -1,5 +1,6 @@
 //! The calls about models: what there is, what serves, and changes of both.
 
+mod map;
 mod upload;
 
 use crate::engine::registry::{ChangeError, model_info, version_info, version_info_with_card};
@@ -8,7 +9,8 @@ use crate::http::blocking::blocking;
 use crate::http::body::{BodyError, read_json};
 use crate::http::by::By;
 use crate::http::openapi::{
-    ChangeProblems, IfMatch, LabelProblems, ModelProblems, NameParam, TarBytes, UploadProblems, VersionParams,
+    ChangeProblems, IfMatch, LabelProblems, MapProblems, ModelProblems, NameParam, TarBytes, UploadProblems,
+    VersionParams,
 };
 use crate::problem::Problem;
 use crate::repository::{Canary, Change, RepositoryError};
@@ -19,7 +21,9 @@ use axum::http::StatusCode;
 use axum::http::header::{ETAG, IF_MATCH};
 use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
+use map::map;
 use roomsight_protocol::audit::Deed;
+use roomsight_protocol::map::ModelMap;
 use roomsight_protocol::rest::{LabelJson, ModelInfo, ModelList, VersionInfo};
 use roomsight_protocol::version_id::VersionId;
 use serde::Deserialize;
@@ -94,6 +98,22 @@ pub async fn show_version(
     let entry = app.engine.registry.entry(&id.name)?;
     let serving = app.engine.registry.serving(&id.name);
     Ok(Json(version_info_with_card(id.version, entry.version(&id.name, id.version)?, &serving)))
+}
+
+/// How the rooms of a version lie
+///
+/// Which room leads to which, and where training frames were taken, as far as those came with poses. The version must be
+/// in memory.
+#[utoipa::path(
+    get, path = "/v1/models/{name}/versions/{version}/map", tag = "models", security(("key" = [])),
+    params(VersionParams),
+    responses((status = OK, description = "Its map", body = ModelMap), MapProblems)
+)]
+pub async fn show_map(
+    State(app): State<App>,
+    VersionPath(id): VersionPath,
+) -> Result<Json<ModelMap>, Problem> {
+    Ok(Json(map(&app, &id)?))
 }
 
 /// Adds a version of a model

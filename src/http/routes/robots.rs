@@ -1,21 +1,50 @@
-//! Who streams, for dashboards.
+//! Who is there, for dashboards.
 
+use crate::engine::recognize::RecognizeError;
+use crate::engine::robots::RobotRecord;
+use crate::engine::thumbnails::ThumbnailKey;
 use crate::http::App;
-use crate::http::openapi::{RobotProblems, ViewerProblems};
+use crate::http::blocking::blocking;
+use crate::http::openapi::{FramePictureProblems, ImageBytes, RobotProblems, ViewerProblems};
 use crate::problem::{Kind, Problem};
 use axum::Json;
-use axum::extract::{Path, State};
-use roomsight_protocol::event::{RobotInfo, RobotList, RobotName};
+use axum::body::Bytes;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Path, Query, State};
+use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
+use axum::http::{HeaderMap, HeaderName, StatusCode};
+use axum::response::{IntoResponse, Response};
+use roomsight_protocol::event::{RobotInfo, RobotList};
+use serde::Deserialize;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
 
-/// Who streams
+/// The number of the frame that a picture shows.
+const X_FRAME: HeaderName = HeaderName::from_static("x-frame");
+/// How wide a thumbnail may be, in pixels.
+const WIDTHS: RangeInclusive<u32> = 16..=1920;
+
+/// How a frame is wanted.
+#[derive(Deserialize, utoipa::IntoParams)]
+#[into_params(parameter_in = Query)]
+#[serde(deny_unknown_fields)]
+pub struct FrameQuery {
+    /// How wide the picture may be, in pixels; left out: the frame as the robot sent it.
+    #[param(minimum = 16, maximum = 1920, example = 320)]
+    width: Option<u32>,
+}
+
+/// Who is there
 ///
-/// All streams, those included that broke off and can still be resumed.
+/// All robots that stream or send requests under a name, those included whose connection broke, and for an hour those
+/// that left.
 #[utoipa::path(
     get, path = "/v1/robots", tag = "dashboards", security(("key" = [])),
-    responses((status = OK, description = "All streams", body = RobotList), ViewerProblems)
+    responses((status = OK, description = "All robots", body = RobotList), ViewerProblems)
 )]
 pub async fn list_robots(State(app): State<App>) -> Json<RobotList> {
-    Json(RobotList { robots: app.engine.streams.records().iter().map(|record| record.info()).collect() })
+    let robots = &app.engine.robots;
+    Json(RobotList { robots: robots.all().iter().map(|record| robots.info(record)).collect() })
 }
 
 /// One robot
@@ -27,12 +56,84 @@ pub async fn list_robots(State(app): State<App>) -> Json<RobotList> {
     responses((status = OK, description = "The robot", body = RobotInfo), RobotProblems)
 )]
 pub async fn show_robot(State(app): State<App>, Path(id): Path<String>) -> Result<Json<RobotInfo>, Problem> {
-    let is_meant = |name: &RobotName| name.stream == id || name.robot.as_deref() == Some(&id);
-    let records = app.engine.streams.records();
-    let found = records.iter().filter(|record| is_meant(&record.name())).max_by_key(|record| record.began());
-    found.map(|record| Json(record.info())).ok_or_else(|| no_robot(&id))
+    Ok(Json(app.engine.robots.info(&*found(&app, &id)?)))
 }
 
-fn no_robot(id: &str) -> Problem {
-    Problem::new(Kind::NotFound, format_args!("no robot {id:?} streams; GET /v1/robots lists those that do"))
+fn found(app: &App, id: &str) -> Result<Arc<RobotRecord>, Problem> {
+    app.engine.robots.find(id).ok_or_else(|| {
+        Problem::new(
+            Kind::NotFound,
+            format_args!("no robot {id:?} is known; GET /v1/robots lists those that are"),
+        )
+    })
+}
+
+/// A robot's last frame
+///
+/// As the robot sent it, or as a JPEG that is at most so wide. `ETag` and `X-Frame` are its number, which is also the
+/// robot's `frame`. Frames are kept in memory within the setting `live_frames_bytes`: those that came first give way.
+#[utoipa::path(
+    get, path = "/v1/robots/{id}/frame", tag = "dashboards", security(("key" = [])),
+    params(("id" = String, Path, description = "The robot's name, or its stream's"), FrameQuery),
+    responses(
+        (status = OK, description = "The picture",
+            content((ImageBytes = "image/jpeg"), (ImageBytes = "application/octet-stream")),
+            headers(
+                ("ETag" = String, description = "The frame's number, for `If-None-Match`"),
+                ("X-Frame" = u64, description = "The same")
+            )),
+        (status = NOT_MODIFIED, description = "It is still the frame of `If-None-Match`"),
+        FramePictureProblems
+    )
+)]
+pub async fn show_frame(
+    State(app): State<App>,
+    Path(id): Path<String>,
+    query: Result<Query<FrameQuery>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let Query(FrameQuery { width }) = query.map_err(|error| Problem::query(error.body_text()))?;
+    if width.is_some_and(|width| !WIDTHS.contains(&width)) {
+        return Err(Problem::query("`width` must be from 16 to 1920 pixels"));
+    }
+    let record = found(&app, &id)?;
+    let no_frame = || Problem::new(Kind::NotFound, format_args!("no frame of {id:?} is kept"));
+    let (number, frame) = app.engine.robots.frame(&record).ok_or_else(no_frame)?;
+    let etag = format!("\"{number}\"");
+    // Pictures may be kept, but it is asked each time whether they are still the last.
+    let told = [(ETAG, etag.clone()), (X_FRAME, number.to_string()), (CACHE_CONTROL, "no-cache".to_owned())];
+    if headers.get(IF_NONE_MATCH).is_some_and(|known| known == etag.as_str()) {
+        return Ok((StatusCode::NOT_MODIFIED, told).into_response());
+    }
+    let (media_type, picture) = match width {
+        None => (media_type(&frame), frame),
+        Some(width) => ("image/jpeg", thumbnail(&app, ThumbnailKey { frame: number, width }, frame).await?),
+    };
+    Ok((told, [(CONTENT_TYPE, media_type)], picture).into_response())
+}
+
+async fn thumbnail(app: &App, key: ThumbnailKey, frame: Bytes) -> Result<Bytes, Problem> {
+    if let Some(made) = app.engine.thumbnails.find(key) {
+        return Ok(made);
+    }
+    let _turn = app.engine.thumbnails.turn().await;
+    if let Some(made) = app.engine.thumbnails.find(key) {
+        return Ok(made);
+    }
+    let make = move |app: &App| {
+        let limits = app.engine.settings.frame_limits();
+        app.engine.thumbnails.make(key, &frame, limits).map_err(RecognizeError::from)
+    };
+    blocking(app, make).await
+}
+
+/// What the bytes say they are. Only images get here, of which these begin so.
+fn media_type(frame: &[u8]) -> &'static str {
+    match frame {
+        [0xff, 0xd8, ..] => "image/jpeg",
+        [0x89, b'P', b'N', b'G', ..] => "image/png",
+        [b'R', b'I', b'F', b'F', ..] => "image/webp",
+        [b'B', b'M', ..] => "image/bmp",
+        _ => "application/octet-stream",
+    }
 }

@@ -6,6 +6,7 @@ mod command;
 mod default_model;
 mod fair;
 mod kill;
+mod live;
 mod load;
 mod metrics;
 mod misread;

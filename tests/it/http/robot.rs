@@ -2,7 +2,7 @@
 
 use crate::http::service::{SOON, Server};
 use futures_util::{SinkExt, StreamExt};
-use roomsight_protocol::stream::{ClientMessage, Configure, Hello, ServerMessage};
+use roomsight_protocol::stream::{ClientMessage, Configure, Hello, ServerMessage, StreamResult};
 use tokio::net::TcpStream;
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
@@ -14,6 +14,14 @@ use tokio_tungstenite::{WebSocketStream, client_async};
 pub struct Robot {
     pub socket: WebSocketStream<TcpStream>,
     pub hello: Hello,
+}
+
+/// A message that must be a result.
+pub fn result(message: ServerMessage) -> StreamResult {
+    match message {
+        ServerMessage::Result(result) => *result,
+        other => panic!("{other:?}"),
+    }
 }
 
 /// What came last on a stream.

@@ -49,6 +49,15 @@ impl Server {
         server
     }
 
+    /// The same with a model whose answers are known, to frames that show something.
+    pub async fn start_sure(settings: Settings) -> Self {
+        let models = TempDir::new().expect("a temporary folder");
+        SURE_MODEL.save(&models.path().join("lab/1"), &[]).expect("the model is saved");
+        let mut server = Self::of(Settings { models: models.path().to_owned(), ..settings }).await;
+        server._models = Some(models);
+        server
+    }
+
     /// A service of the models that the settings name.
     pub async fn of(settings: Settings) -> Self {
         let app = App::start(settings).expect("the service starts");
@@ -112,6 +121,12 @@ pub fn write_other_model(folder: &Path) {
 
 /// A small model.
 pub static MODEL: LazyLock<Model> = LazyLock::new(|| train(&with_words(), ["stripes", "bars", "dots"]));
+/// One that promises little of the answers that are known.
+static SURE_MODEL: LazyLock<Model> = LazyLock::new(|| {
+    let mut config = with_words();
+    config.calibration.known_precision = 0.5;
+    train(&config, ["stripes", "bars", "dots"])
+});
 /// One that gives the same rooms other names.
 pub static OTHER_MODEL: LazyLock<Model> = LazyLock::new(|| train(&with_words(), ["x", "y", "z"]));
 

@@ -1,7 +1,7 @@
 //! Streams over real WebSockets.
 
 use crate::http::load::{one_thread, slow_frame, very_slow_frame};
-use crate::http::robot::{Heard, Robot, closed_at_the_door, seq_of};
+use crate::http::robot::{Heard, Robot, closed_at_the_door, result, seq_of};
 use crate::http::service::{SOON, Server, frame, models, problem, room, success, write_model};
 use roomsight::access::{Key, Role};
 use roomsight::settings::Settings;
@@ -15,13 +15,6 @@ use std::io::Write;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use tokio::time::{sleep, timeout};
 use tokio_tungstenite::tungstenite;
-
-fn result(message: ServerMessage) -> StreamResult {
-    match message {
-        ServerMessage::Result(result) => *result,
-        other => panic!("{other:?}"),
-    }
-}
 
 fn error(message: &ServerMessage) -> (Option<u64>, &str) {
     match message {
@@ -416,7 +409,9 @@ async fn a_robot_that_never_reads_and_one_that_stops_halfway_disturb_nobody() {
     let gone = async {
         loop {
             let robots = success(server.get("/v1/robots").send().await.unwrap()).await;
-            if robots["robots"].as_array().unwrap().len() <= 1 {
+            let n_connected =
+                robots["robots"].as_array().unwrap().iter().filter(|robot| robot["connected"] == true);
+            if n_connected.count() <= 1 {
                 return;
             }
             sleep(Duration::from_millis(20)).await;
@@ -436,12 +431,12 @@ async fn robots_take_turns_however_many_frames_one_has() {
         let info = success(server.get("/v1/robots/greedy").send().await.unwrap()).await;
         serde_json::from_value(info).unwrap()
     };
-    timeout(SOON, async { while greedy_info().await.frames.accepted < 12 {} }).await.unwrap();
+    timeout(SOON, async { while greedy_info().await.state.frames.accepted < 12 {} }).await.unwrap();
     let mut modest = Robot::connect(&server, "").await;
-    let before = greedy_info().await.frames.results;
+    let before = greedy_info().await.state.frames.results;
     modest.send(frame()).await;
     assert_eq!(result(modest.next().await).seq, 0);
-    let after = greedy_info().await.frames.results;
+    let after = greedy_info().await.state.frames.results;
     assert!(after - before <= 3, "{} frames of the other robot came first", after - before);
 }
 
@@ -457,14 +452,15 @@ async fn dashboards_see_who_streams_and_what_happens() {
     }
     let info = success(server.get("/v1/robots/wall-e").send().await.unwrap()).await;
     let info: RobotInfo = serde_json::from_value(info).unwrap();
-    assert_eq!((info.frames.accepted, info.frames.results, info.connected), (3, 3, true));
-    assert_eq!((info.room.as_deref(), info.answers.len(), info.answers[0].seq), (Some("bars"), 3, 2));
+    let RobotInfo { state, answers, .. } = info;
+    assert_eq!((state.frames.accepted, state.frames.results, state.connected), (3, 3, true));
+    assert_eq!((state.room.as_deref(), answers.len(), answers[0].seq), (Some("bars"), 3, 2));
     problem(server.get("/v1/robots/eve").send().await.unwrap(), 404, "not-found").await;
     success(server.post("/v1/recognize?robot=eve", frame()).send().await.unwrap()).await;
     drop(robot);
     let mut text = String::new();
     let read = async {
-        while !text.contains("robot_left") {
+        while !text.contains("event: robot_left") {
             text.push_str(&String::from_utf8_lossy(&events.chunk().await.unwrap().unwrap()));
         }
     };

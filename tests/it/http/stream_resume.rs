@@ -1,22 +1,15 @@
 //! Streams that break off: who comes back, to what, and who gives way.
 
-use crate::http::robot::{Heard, Robot, closed_at_the_door};
+use crate::http::robot::{Heard, Robot, closed_at_the_door, result};
 use crate::http::service::{SOON, Server, room, success};
 use futures_util::StreamExt;
 use roomsight::access::{Key, Role};
 use roomsight::settings::Settings;
 use roomsight_protocol::event::RobotInfo;
-use roomsight_protocol::stream::{Mode, ServerMessage, StreamResult};
+use roomsight_protocol::stream::Mode;
 use serde_json::Value;
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::Message;
-
-fn result(message: ServerMessage) -> StreamResult {
-    match message {
-        ServerMessage::Result(result) => *result,
-        other => panic!("{other:?}"),
-    }
-}
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_robot_that_comes_back_gets_what_it_missed_and_keeps_its_filter() {
@@ -61,7 +54,7 @@ async fn broke(server: &Server, robot: &str) {
         let info = success(server.get(&format!("/v1/robots/{robot}")).send().await.unwrap()).await;
         serde_json::from_value(info).unwrap()
     };
-    timeout(SOON, async { while info().await.connected {} }).await.expect("it is noticed");
+    timeout(SOON, async { while info().await.state.connected {} }).await.expect("it is noticed");
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -77,7 +70,7 @@ async fn what_is_kept_covers_the_window() {
         let info = success(server.get("/v1/robots/wall-e").send().await.unwrap()).await;
         serde_json::from_value(info).unwrap()
     };
-    timeout(SOON, async { while info().await.frames.results < N_FRAMES {} }).await.unwrap();
+    timeout(SOON, async { while info().await.state.frames.results < N_FRAMES {} }).await.unwrap();
     let session = robot.hello.session.clone();
     drop(robot);
     let mut robot = Robot::connect(&server, &format!("?session={session}")).await;

@@ -16,7 +16,19 @@
 from .aio import AsyncClient, AsyncEvents, AsyncStream
 from .client import Client, Events, Stream
 from .errors import ConnectionLost, Problem, ProtocolError, Refused, ResumePoint, RoomsightError
-from .events import AnswerEvent, Event, Lost, OtherEvent, RobotJoined, RobotLeft, ServingChanged
+from .events import (
+    AnswerEvent,
+    Event,
+    Lost,
+    OtherEvent,
+    RobotFound,
+    RobotJoined,
+    RobotLeft,
+    RobotLost,
+    RoomChanged,
+    ServingChanged,
+    SwapFailed,
+)
 from .messages import (
     Configured,
     Draining,
@@ -88,8 +100,11 @@ __all__ = [
     "Result",
     "ResumePoint",
     "Robot",
+    "RobotFound",
     "RobotJoined",
     "RobotLeft",
+    "RobotLost",
+    "RoomChanged",
     "RoomProbability",
     "RoomsightError",
     "ServingChanged",
@@ -98,6 +113,7 @@ __all__ = [
     "Stream",
     "StreamLimits",
     "StreamSettings",
+    "SwapFailed",
     "Timings",
     "Version",
 ]

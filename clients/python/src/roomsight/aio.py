@@ -120,7 +120,7 @@ class AsyncClient(AsyncClosing):
         calls.check_done(await self._call(**call))
 
     async def robots(self) -> list[Robot]:
-        """The robots that stream, the first that came first."""
+        """The robots that stream or send requests, and for an hour those that left."""
         return calls.read_answer(RobotList, await self._call("GET", "/v1/robots")).robots
 
     async def robot(self, stream: str) -> Robot:

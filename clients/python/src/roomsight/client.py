@@ -122,7 +122,7 @@ class Client(Closing):
         calls.check_done(self._call(**call))
 
     def robots(self) -> list[Robot]:
-        """The robots that stream, the first that came first."""
+        """The robots that stream or send requests, and for an hour those that left."""
         return calls.read_answer(RobotList, self._call("GET", "/v1/robots")).robots
 
     def robot(self, stream: str) -> Robot:

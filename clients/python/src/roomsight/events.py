@@ -48,6 +48,47 @@ class ServingChanged:
 
 
 @dataclass(frozen=True)
+class SwapFailed:
+    """Another version of a model was to serve (``change``: activate, rollback, latest, label or unload), and does not."""
+
+    model: str
+    change: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class RobotLost:
+    """A robot's answers have been unknown for too long, since ``since`` (RFC 3339)."""
+
+    id: str
+    since: str
+    robot: Optional[str] = None
+    stream: Optional[str] = None
+
+
+@dataclass(frozen=True)
+class RobotFound:
+    """A robot that was lost for ``lost_s`` seconds is in a room again."""
+
+    id: str
+    room: str
+    lost_s: float
+    robot: Optional[str] = None
+    stream: Optional[str] = None
+
+
+@dataclass(frozen=True)
+class RoomChanged:
+    """A robot's known answers name another room; ``before`` is None where they named none yet."""
+
+    id: str
+    to: str
+    robot: Optional[str] = None
+    stream: Optional[str] = None
+    before: Optional[str] = None
+
+
+@dataclass(frozen=True)
 class Lost:
     """This reader was too slow: so many of the oldest events are gone."""
 
@@ -62,13 +103,28 @@ class OtherEvent:
     data: dict[str, Any]
 
 
-Event = Union[AnswerEvent, RobotJoined, RobotLeft, ServingChanged, Lost, OtherEvent]
+Event = Union[
+    AnswerEvent,
+    RobotJoined,
+    RobotLeft,
+    ServingChanged,
+    SwapFailed,
+    RobotLost,
+    RobotFound,
+    RoomChanged,
+    Lost,
+    OtherEvent,
+]
 
 _KINDS: dict[str, type[Any]] = {
     "answer": AnswerEvent,
     "robot_joined": RobotJoined,
     "robot_left": RobotLeft,
     "model_changed": ServingChanged,
+    "swap_failed": SwapFailed,
+    "robot_lost": RobotLost,
+    "robot_found": RobotFound,
+    "room_changed": RoomChanged,
     "lost": Lost,
 }
 
@@ -82,6 +138,8 @@ def read_event(line: str) -> Optional[Event]:
     try:
         data = json.loads(line[len("data:") :])
         kind = data.pop("type")
+        # ``from`` is a word of Python.
+        data.update({"before": data.pop("from")} if kind == "room_changed" and "from" in data else {})
     except (ValueError, KeyError, AttributeError, TypeError) as error:
         raise ProtocolError(f"an event cannot be read: {line[:200]}") from error
     known = _KINDS.get(kind)

@@ -207,25 +207,42 @@ class PastAnswer:
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot that streams; its room is the filter's where there is one, and one to act on where ``known``."""
+    """A robot that streams or sends requests; its room is the filter's where there is one, and one to act on where
+    ``known``. ``lost``: its answers have been unknown for too long. ``stream``, ``mode`` and ``streaming_s`` are None
+    where it sends requests. ``frame`` is the number of its last frame, where the service keeps it; ``ribbon`` where it was in the last ten
+    minutes: ``room``, ``known``, and ``from`` and ``until`` as RFC 3339."""
 
-    stream: str
+    id: str
+    via: str
     connected: bool
-    streaming_s: float
-    mode: str
+    last_seen_s: float
+    lost: bool
+    frames_per_s: float
     frames: FrameCounts
     answers: list[PastAnswer]
     robot: Optional[str] = None
+    stream: Optional[str] = None
+    mode: Optional[str] = None
+    streaming_s: Optional[float] = None
     key: Optional[str] = None
     room: Optional[str] = None
     known: bool = False
+    unknown: Optional[str] = None
     novelty: Optional[float] = None
+    probability: Optional[float] = None
+    probabilities: list[RoomProbability] = field(default_factory=list)
     in_room_s: Optional[float] = None
+    lost_s: Optional[float] = None
+    age_ms: Optional[float] = None
+    latency_ms: Optional[float] = None
+    frame: Optional[int] = None
+    model: Optional[ModelName] = None
+    ribbon: list[dict[str, Any]] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
 class RobotList:
-    """All robots, the first that came first."""
+    """All robots, in the order of their ids."""
 
     robots: list[Robot]
 

@@ -32,6 +32,12 @@ pub struct NearFrame {
 }
 
 impl Model {
+    /// Where training frames were taken, as far as they came with poses: the index of the room and the pose of each.
+    pub fn positions(&self) -> impl Iterator<Item = (usize, Pose)> {
+        let posed = |(frame_idx, &label)| Some((label, self.learned.pose(frame_idx)?));
+        self.learned.labels.iter().enumerate().filter_map(posed)
+    }
+
     /// The training frames that are most like a frame: up to `n_frames` of each opinion that keeps frames, the nearest first.
     pub fn nearest(&self, features: &Features, n_frames: usize) -> Vec<NearFrame> {
         let by_opinion = |(name, opinion): (&str, &Opinion)| {

@@ -1,0 +1,21 @@
+//! What others are told unasked: webhooks, and a broker of MQTT. Each has a queue of its own, is never waited for, and so is
+//! never in the way of a robot.
+//!
+//! | file | what |
+//! |---|---|
+//! | `webhooks` | what happens, by POST, signed and tried again |
+//! | `mqtt` | where robots are, kept at a broker |
+//! | `topics` | under what, and how Home Assistant finds it |
+//! | `patience` | pauses that grow |
+
+mod mqtt;
+mod patience;
+mod topics;
+mod webhooks;
+
+use crate::engine::Engine;
+
+/// Tells others for as long as there is something to tell: for ever, or not at all.
+pub async fn tell(engine: Engine) {
+    tokio::join!(webhooks::tell(&engine), mqtt::tell(&engine));
+}
