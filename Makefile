@@ -26,7 +26,16 @@ ADVISORIES := https://github.com/RustSec/advisory-db
 VENV := target/python
 STAMP := $(VENV)/.installed
 
-.PHONY: help demo test networks bench fuzz deny tools test-python arm
+# The page, which the program holds. Without Node the program is built without it.
+PAGE := dashboard/dist/page/index.html
+PAGE_SOURCES := $(shell find dashboard/src dashboard/public dashboard/build dashboard/index.html dashboard/*.json dashboard/*.ts -type f 2>/dev/null)
+MODULES := dashboard/node_modules/.installed
+HAS_NODE := $(shell node -e 'process.exit(parseInt(process.versions.node) >= 20 ? 0 : 1)' 2>/dev/null && command -v npm)
+# Tests of the page run in a browser of the system; none is fetched.
+export PLAYWRIGHT_SKIP_BROWSER_DOWNLOAD := 1
+CHROMIUM := $(shell command -v chromium || command -v chromium-browser || command -v google-chrome)
+
+.PHONY: help demo build page test networks bench fuzz deny tools test-page test-python arm
 
 help: ## list these targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
@@ -34,7 +43,25 @@ help: ## list these targets
 # A program that is built already takes the place of a release build: ROOMSIGHT=target/debug/roomsight.
 ROOMSIGHT ?=
 
-demo: tools ## simulate a lab, train, evaluate, serve; ARGS=--exit to end by itself
+build: page ## build the program with its page
+	cargo build --release
+
+page: ## build the page alone, which takes Node 20
+ifneq ($(HAS_NODE),)
+	@$(MAKE) --no-print-directory $(PAGE)
+else
+	@echo "LEFT OUT: the page. It takes Node 20 or newer, with npm; the service works without it." >&2
+endif
+
+$(MODULES): dashboard/package-lock.json
+	cd dashboard && npm ci --no-audit --no-fund --loglevel=error
+	@touch $@
+
+$(PAGE): $(MODULES) $(PAGE_SOURCES)
+	cd dashboard && npm run --silent build
+	@touch $@
+
+demo: tools page ## simulate a lab, train, evaluate, serve; ARGS=--exit to end by itself
 	$(if $(ROOMSIGHT),,cargo build --release)
 	@$(or $(ROOMSIGHT),target/release/roomsight) demo $(ARGS)
 
@@ -44,11 +71,25 @@ networks/.made: tools/networks.py tools/networks.txt $(STAMP)
 	$(VENV)/bin/python tools/networks.py networks
 	@touch $@
 
-test: tools ## format, lints, all tests
+test: tools page ## format, lints, all tests
 	cargo fmt --check
 	cargo clippy --workspace --all-targets $(FEATURES) -- -D warnings
 	cargo test --workspace $(FEATURES)
+	@$(MAKE) --no-print-directory test-page
 	@$(MAKE) --no-print-directory test-python
+
+test-page: page
+ifeq ($(HAS_NODE),)
+	@echo "LEFT OUT: the tests of the page. They take Node 20 or newer, with npm." >&2
+else
+	cd dashboard && npm run --silent check && npm run --silent test
+ifeq ($(CHROMIUM),)
+	@echo "LEFT OUT: the tests of the page in a browser. They take Chromium." >&2
+else
+	cargo build --workspace --tests $(FEATURES)
+	cd dashboard && CHROMIUM=$(CHROMIUM) npm run --silent test:browser
+endif
+endif
 
 test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \

@@ -28,6 +28,9 @@ pub enum AuthError {
     /// A session that is over, or never was.
     #[error("the session is over; sign in again: POST /v1/session with a key")]
     Session,
+    /// A code that was used, or that nobody was told.
+    #[error("the code is used up or too old; let the service print another one, or sign in with a key")]
+    Code,
     /// A name that is not known to be ours, on a service without keys.
     #[error(
         "without keys the service does not answer to the name {0:?}: add it to the setting `hosts`, call the \
@@ -56,7 +59,9 @@ pub enum AuthError {
 impl From<AuthError> for Problem {
     fn from(error: AuthError) -> Self {
         let kind = match &error {
-            AuthError::Missing | AuthError::Unknown | AuthError::Session => Kind::Unauthorized,
+            AuthError::Missing | AuthError::Unknown | AuthError::Session | AuthError::Code => {
+                Kind::Unauthorized
+            }
             AuthError::Forbidden { .. } => Kind::Forbidden,
             AuthError::Origin(_) => Kind::ForeignSite,
             AuthError::Host(_) => Kind::UnknownHost,

@@ -6,6 +6,7 @@
 mod check;
 mod contact_sheet;
 mod data;
+mod data_directory;
 mod demo;
 mod evaluate;
 mod experiment;
@@ -19,6 +20,7 @@ mod manners;
 mod mistakes;
 mod models;
 mod output;
+mod progress_lines;
 mod recognize;
 mod replay;
 mod serve;
@@ -71,6 +73,7 @@ enum Command {
     Serve(serve::ServeArgs),
     Models(models::ModelsArgs),
     Replay(replay::ReplayArgs),
+    Data(data_directory::DataDirectoryArgs),
     Key(key::KeyArgs),
     Health(health::HealthArgs),
     Simulate(simulate::SimulateArgs),
@@ -128,6 +131,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Serve(args) => serve::run(&args),
         Command::Models(args) => models::run(&args),
         Command::Replay(args) => replay::run(&args),
+        Command::Data(args) => data_directory::run(&args),
         Command::Key(args) => key::run(&args),
         Command::Health(args) => health::run(&args),
         Command::Simulate(args) => simulate::run(&args),

@@ -10,6 +10,7 @@
 //! | `recognize` | the one path from bytes to an answer |
 //! | `answers`, `answer` | the frames of one request; what callers read of each |
 //! | `streams` | robots that send frames as they take them; see there |
+//! | `doubts` | frames that the model doubted, for whoever keeps them |
 //! | `events`, `robots` | what happens, and who is there: what dashboards are told |
 //! | `live`, `thumbnails` | the robots for pages that show them, and small pictures of what they see |
 //! | `metrics`, `scrape` | what is counted and measured, and its text |
@@ -22,6 +23,7 @@ pub mod answers;
 pub mod aside;
 pub mod bodies;
 pub mod caller;
+pub mod doubts;
 pub mod events;
 pub mod frame;
 pub mod history;
@@ -43,6 +45,7 @@ use crate::access::Keyring;
 use crate::repository::Repository;
 use crate::settings::Settings;
 use bodies::{Bodies, BodyLimits};
+use doubts::Doubts;
 use events::Events;
 use history::History;
 use live::Live;
@@ -77,6 +80,7 @@ pub struct EngineState {
     pub live: Live,
     pub thumbnails: Thumbnails,
     pub events: Events,
+    pub doubts: Doubts,
     pub metrics: Arc<Metrics>,
     pub history: History,
     pub stopping: CancellationToken,
@@ -118,6 +122,7 @@ impl Engine {
             live: Live::default(),
             thumbnails: Thumbnails::default(),
             events,
+            doubts: Doubts::default(),
             metrics,
             history: History::default(),
             stopping: CancellationToken::new(),

@@ -7,6 +7,7 @@
 //! | [`settings`] | what an operator may set |
 //! | [`repository`] | which versions of which models there are, on a disk or in a bucket |
 //! | [`engine`] | what answers frames; it knows no HTTP |
+//! | [`teaching`] | what people teach the service: data sets, the inbox, trainings |
 //! | [`outside`] | what others are told unasked: webhooks, MQTT |
 //! | [`http`] | the HTTP service |
 //! | [`cli`] | the commands |
@@ -25,6 +26,7 @@ pub mod repository;
 pub mod engine;
 
 pub mod outside;
+pub mod teaching;
 
 pub mod http;
 

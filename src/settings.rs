@@ -37,6 +37,9 @@ pub struct Settings {
     pub max_model_bytes: u64,
     /// The most uploads of versions at one time.
     pub max_uploads: usize,
+    /// Where data sets, labels, trainings, keys and the audit of the page are kept, a folder; empty: nowhere, and the page
+    /// shows and changes models only.
+    pub data: PathBuf,
     /// The model of requests that name none; empty: the one that the repository names, which is at first the first
     /// by name.
     pub model: String,
@@ -191,6 +194,7 @@ impl Default for Settings {
             models_cache: "models-cache".into(),
             max_model_bytes: 256 << 20,
             max_uploads: 4,
+            data: PathBuf::new(),
             model: String::new(),
             keys: Vec::new(),
             hosts: Vec::new(),
@@ -287,6 +291,11 @@ impl Settings {
             }
         }
         Ok(names)
+    }
+
+    /// Whether there is a data directory.
+    pub fn keeps_data(&self) -> bool {
+        !self.data.as_os_str().is_empty()
     }
 
     /// The number of recognizing threads.

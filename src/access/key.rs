@@ -137,6 +137,11 @@ impl Key {
         }
     }
 
+    /// The robots that it alone may speak for.
+    pub fn robots(&self) -> &[String] {
+        &self.robots
+    }
+
     /// Whether it is bound to robots.
     pub fn is_bound(&self) -> bool {
         !self.robots.is_empty()

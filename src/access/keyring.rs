@@ -1,7 +1,9 @@
 //! The keys that are valid now, and the sessions that were made from them.
 
 use crate::access::{AuthError, Key};
-use std::sync::Arc;
+use base64::Engine;
+use base64::prelude::BASE64_URL_SAFE_NO_PAD;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 use subtle::ConstantTimeEq;
 use tokio::sync::watch;
@@ -11,8 +13,18 @@ pub struct Keyring {
     keys: watch::Sender<Arc<[Arc<Key>]>>,
     /// Signs sessions. It is made when the process starts, so that they end with it.
     secret: [u8; 32],
+    /// Codes that stand for a key once.
+    codes: Mutex<Vec<Code>>,
     /// What the ends of sessions are counted from, so that a clock that is set does not move them.
     began: Instant,
+}
+
+/// A code that stands for a key once, by its hash.
+struct Code {
+    hash: blake3::Hash,
+    key: Arc<Key>,
+    /// When it is of no use any more, counted as sessions are.
+    end: Duration,
 }
 
 impl Keyring {
@@ -23,7 +35,12 @@ impl Keyring {
     pub fn new(keys: &[Key]) -> Result<Self, getrandom::Error> {
         let mut secret = [0; 32];
         getrandom::fill(&mut secret)?;
-        Ok(Self { keys: watch::Sender::new(shared(keys)), secret, began: Instant::now() })
+        Ok(Self {
+            keys: watch::Sender::new(shared(keys)),
+            secret,
+            codes: Mutex::default(),
+            began: Instant::now(),
+        })
     }
 
     /// Whether there are no keys.
@@ -80,6 +97,38 @@ impl Keyring {
     pub fn begin_session(&self, key: &Key, life: Duration) -> String {
         let end_s = (self.began.elapsed() + life).as_secs();
         format!("{end_s}.{}", self.seal(key, end_s))
+    }
+
+    /// Makes a code that stands for a key once, for so long: for a phone, which cannot type a key.
+    ///
+    /// # Errors
+    /// A system that gives no random numbers.
+    pub fn begin_code(&self, key: &Arc<Key>, life: Duration) -> Result<String, getrandom::Error> {
+        let mut random = [0; 16];
+        getrandom::fill(&mut random)?;
+        let code = BASE64_URL_SAFE_NO_PAD.encode(random);
+        let end = self.began.elapsed() + life;
+        self.codes().push(Code { hash: blake3::hash(code.as_bytes()), key: key.clone(), end });
+        Ok(code)
+    }
+
+    /// The key that a code stands for, while that key is valid; the code is used up.
+    pub fn take_code(&self, code: &str) -> Option<Arc<Key>> {
+        let (hash, now) = (blake3::hash(code.as_bytes()), self.began.elapsed());
+        let mut codes = self.codes();
+        codes.retain(|code| code.end > now);
+        let idx = codes.iter().position(|code| code.hash == hash)?;
+        let key = codes.swap_remove(idx).key;
+        self.select(|valid| *valid == *key)
+    }
+
+    /// The keys that are valid now.
+    pub fn keys(&self) -> Vec<Key> {
+        self.keys.borrow().iter().map(|key| Key::clone(key)).collect()
+    }
+
+    fn codes(&self) -> MutexGuard<'_, Vec<Code>> {
+        self.codes.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// The key that a session stands for, while that key is valid and the session's time is not up.
@@ -155,6 +204,22 @@ mod tests {
         }
         keyring.replace(&[other]);
         assert_eq!(keyring.find_session(&session), None);
+    }
+
+    #[test]
+    fn a_code_stands_for_its_key_once() {
+        let ((_, key), (_, other)) = (key("a", &[]), key("b", &[]));
+        let keyring = Keyring::new(&[key.clone(), other.clone()]).unwrap();
+        let shared = Arc::new(key.clone());
+        let code = keyring.begin_code(&shared, LONG).unwrap();
+        assert_eq!(keyring.take_code("other"), None);
+        assert_eq!(keyring.take_code(&code).as_deref(), Some(&key));
+        assert_eq!(keyring.take_code(&code), None);
+        let late = keyring.begin_code(&shared, Duration::ZERO).unwrap();
+        assert_eq!(keyring.take_code(&late), None);
+        let code = keyring.begin_code(&shared, LONG).unwrap();
+        keyring.replace(&[other]);
+        assert_eq!(keyring.take_code(&code), None, "the key is gone");
     }
 
     #[tokio::test]

@@ -48,10 +48,18 @@ struct Report {
     data: PathBuf,
     n_frames: usize,
     n_by_room: BTreeMap<String, usize>,
-    findings: Vec<Finding>,
+    findings: Vec<Told>,
     /// Why labels were not doubted, if so.
     #[serde(skip_serializing_if = "Option::is_none")]
     labels_unchecked: Option<String>,
+}
+
+/// A finding, and what its kind means.
+#[derive(Serialize)]
+struct Told {
+    #[serde(flatten)]
+    finding: Finding,
+    heading: &'static str,
 }
 
 /// Checks, and prints what was found.
@@ -80,11 +88,13 @@ pub(super) fn run(args: &CheckArgs) -> anyhow::Result<()> {
     }
     let n_frames = described.samples.len();
     let n_by_room = n_by_room(&described);
-    let report = Report { data: args.data.data.clone(), n_frames, n_by_room, findings, labels_unchecked };
     if args.json {
+        let told = |finding: Finding| Told { heading: finding.oddity.heading(), finding };
+        let findings = findings.into_iter().map(told).collect();
+        let report = Report { data: args.data.data.clone(), n_frames, n_by_room, findings, labels_unchecked };
         say!("{}", serde_json::to_string_pretty(&report)?)?;
     } else {
-        print(&dataset, &report)?;
+        print(&dataset, &n_by_room, &findings, labels_unchecked.as_deref())?;
     }
     Ok(())
 }
@@ -138,13 +148,18 @@ fn sections(dataset: &Dataset, findings: &[Finding]) -> Vec<Section> {
     by_oddity(findings).map(section).collect()
 }
 
-fn print(dataset: &Dataset, report: &Report) -> io::Result<()> {
-    let least = report.n_by_room.iter().min_by_key(|(_, n_frames)| **n_frames);
-    say!("{} frames of {} rooms.", report.n_frames, report.n_by_room.len())?;
+fn print(
+    dataset: &Dataset,
+    n_by_room: &BTreeMap<String, usize>,
+    findings: &[Finding],
+    labels_unchecked: Option<&str>,
+) -> io::Result<()> {
+    let least = n_by_room.iter().min_by_key(|(_, n_frames)| **n_frames);
+    say!("{} frames of {} rooms.", n_by_room.values().sum::<usize>(), n_by_room.len())?;
     if let Some((room, n_frames)) = least {
         say!("Fewest: {n_frames} of {room}.")?;
     }
-    for (oddity, of_kind) in by_oddity(&report.findings) {
+    for (oddity, of_kind) in by_oddity(findings) {
         say!("\n{}: {}", oddity.heading(), of_kind.len())?;
         for finding in of_kind.iter().take(MAX_PRINTED) {
             let mut line = format!("  {}", dataset.name_of(&finding.picture));
@@ -160,10 +175,10 @@ fn print(dataset: &Dataset, report: &Report) -> io::Result<()> {
             say!("  and {} more: see --html or --json", of_kind.len() - MAX_PRINTED)?;
         }
     }
-    if report.findings.is_empty() {
+    if findings.is_empty() {
         say!("\nNothing odd was found.")?;
     }
-    if let Some(why) = &report.labels_unchecked {
+    if let Some(why) = labels_unchecked {
         say!("\nLabels were not doubted: {why}")?;
     }
     Ok(())

@@ -2,13 +2,17 @@
 //!
 //! Every step but the drive is one of the commands, echoed as it could be typed.
 
+mod robots;
+
 use super::output::{program, quoted, say};
 use super::serve;
 use crate::http::{self, App};
 use crate::settings::Settings;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
+use robots::Robot;
 use roomsight_lab::dataset::{self, Frame};
+use roomsight_protocol::inbox::InboxRule;
 use serde::Deserialize;
 use std::fs;
 use std::future::{Future, pending};
@@ -38,8 +42,8 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// Show everything in about a minute: simulate, train, evaluate, serve, and post frames like a robot
 ///
 /// Simulates a lab, trains on cloudy drives through it, evaluates on other drives in other light, serves
-/// the model and posts the frames of a drive by night one by one. Then it goes on serving, so that you can
-/// try it, until Ctrl-C. All figures are of simulated frames.
+/// the model and posts the frames of a drive by night one by one. Then it goes on serving until Ctrl-C, while robots drive
+/// through the lab, so that you can see them on the service's page. All figures are of simulated frames.
 #[derive(Args)]
 pub(super) struct DemoArgs {
     /// End after the drive instead of going on serving
@@ -76,6 +80,8 @@ pub(super) fn run(args: &DemoArgs) -> anyhow::Result<()> {
 struct Files {
     frames: PathBuf,
     models: PathBuf,
+    /// What the service keeps.
+    data: PathBuf,
     /// A version that is not there yet.
     model: PathBuf,
 }
@@ -91,7 +97,7 @@ impl Files {
             }
             version += 1;
         };
-        Self { frames: folder.join("frames"), models, model }
+        Self { frames: folder.join("frames"), data: folder.join("data"), models, model }
     }
 }
 
@@ -106,7 +112,8 @@ async fn show(args: &DemoArgs, files: Files) -> anyhow::Result<()> {
     }
     let drive_frames = dataset::open(&files.frames)?.with_sequences(DRIVEN)?.frames;
 
-    let app = App::start(Settings { models: files.models.clone(), ..Settings::default() })?;
+    let (models, data) = (files.models.clone(), files.data.clone());
+    let app = App::start(Settings { models, data, ..Settings::default() })?;
     let (stop, stopped) = oneshot::channel::<()>();
     let service = tokio::spawn(http::serve(app, listener, async {
         // A sender that is dropped says stop as well.
@@ -116,6 +123,8 @@ async fn show(args: &DemoArgs, files: Files) -> anyhow::Result<()> {
         drive(&url, &drive_frames).await?;
         if !args.exit {
             let frame = drive_frames.first().context("the drive has no frame")?;
+            keep_doubted(&url).await?;
+            let _driving = robots::drive(&url, robots_of(&files)?);
             suggest(&url, &files, &frame.path)?;
             pending::<()>().await;
         }
@@ -208,6 +217,29 @@ async fn drive(url: &str, frames: &[Frame]) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Lets the inbox keep what the model doubts: nobody lives in the lab.
+async fn keep_doubted(url: &str) -> anyhow::Result<()> {
+    let rule = InboxRule { all: true, ..InboxRule::default() };
+    let client = roomsight_client::http(PATIENCE).build()?;
+    let answer = client.put(format!("{url}/v1/inbox/rule")).json(&rule).send().await?;
+    ensure!(answer.status().is_success(), "the service answered {}", answer.status());
+    Ok(())
+}
+
+/// A robot for each drive that did not train, named after its light.
+fn robots_of(files: &Files) -> anyhow::Result<Vec<Robot>> {
+    let frames = dataset::open(&files.frames)?.with_sequences(EVALUATED_ON)?.frames;
+    let mut robots: Vec<Robot> = Vec::new();
+    for frame in frames {
+        let name = frame.sequence.rsplit('_').next().unwrap_or(&frame.sequence);
+        match robots.iter_mut().find(|robot| robot.name == name) {
+            Some(robot) => robot.frames.push(frame),
+            None => robots.push(Robot { name: name.to_owned(), frames: vec![frame] }),
+        }
+    }
+    Ok(robots)
+}
+
 async fn post(client: &reqwest::Client, url: &str, frame: Vec<u8>) -> anyhow::Result<Answer> {
     let request = client.post(url).header("content-type", "image/jpeg").body(frame);
     let response = request.send().await?;
@@ -223,7 +255,16 @@ fn suggest(url: &str, files: &Files, frame: &Path) -> anyhow::Result<()> {
     let (program, model) = (program(), quoted(&files.model));
     let form = quoted(Path::new(&format!("frame=@{}", frame.display())));
     let frame = quoted(frame);
-    say!("\nThe service runs on. In another terminal, in this folder, try:\n")?;
+    if http::has_page() {
+        say!(
+            "\nThe service runs on, and simulated robots drive through the lab. Watch them in a browser:\n\n  {url}/\n"
+        )?;
+        say!("In another terminal, in this folder, try:\n")?;
+    } else {
+        say!(
+            "\nThe service runs on, without its page, which takes Node 20. In another terminal, in this folder, try:\n"
+        )?;
+    }
     say!("  curl -F {form} {url}/v1/recognize\n")?;
     say!("  {program} recognize {model} {frame}\n")?;
     say!("  {program} inspect {frame} --model {model} --output seen.png\n")?;

@@ -1,6 +1,6 @@
 //! How much a command says beside what it is asked for, and whether in color.
 
-use clap::{Args, ColorChoice};
+use clap::{Args, ColorChoice, ValueEnum};
 use std::env;
 use std::io::{IsTerminal, stderr};
 use std::sync::OnceLock;
@@ -17,6 +17,18 @@ pub(super) struct Manners {
     /// Whether to print in color: auto is in terminals, where NO_COLOR is not set
     #[arg(long, global = true, value_name = "WHEN", default_value_t = ColorChoice::Auto)]
     pub color: ColorChoice,
+    /// How long work tells how far it has come: bars in terminals, or lines `progress: WHAT 12/300` for programs that read
+    /// them
+    #[arg(long, global = true, value_name = "HOW", default_value = "bars")]
+    pub progress: ProgressForm,
+}
+
+/// How long work tells how far it has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(super) enum ProgressForm {
+    #[default]
+    Bars,
+    Lines,
 }
 
 static MANNERS: OnceLock<Manners> = OnceLock::new();

@@ -1,6 +1,7 @@
 //! What all commands share in what they print: progress bars and tables.
 
-use super::manners::Manners;
+use super::manners::{Manners, ProgressForm};
+use super::progress_lines::ProgressLines;
 use comfy_table::{ColumnConstraint, ContentArrangement, Table, TableComponent, presets};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use roomsight_lab::evaluate::{Evaluation, Knowledge, N_BINS, Rate};
@@ -22,6 +23,9 @@ const MAX_PATH: usize = 20;
 
 /// The most pairs of rooms that are listed instead of a confusion matrix.
 const MAX_PAIRS: usize = 10;
+
+/// Lines of progress are for programs, which show them to people.
+const LINES_PER_SECOND: u8 = 4;
 
 /// Prints a line on standard output. Unlike with `println!`, a reader that has left is an error.
 macro_rules! say {
@@ -92,9 +96,18 @@ impl Drop for Progress {
 
 /// A progress bar for work of `n_steps`.
 pub fn progress(label: &str, n_steps: usize) -> Progress {
-    let target =
-        if Manners::adopted().quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
-    let style = ProgressStyle::with_template("{prefix:>20} [{bar:40}] {pos}/{len} {eta} left {wide_msg}");
+    let manners = Manners::adopted();
+    let (target, template) = match manners.progress {
+        _ if manners.quiet => (ProgressDrawTarget::hidden(), ""),
+        ProgressForm::Lines => {
+            let lines = ProgressDrawTarget::term_like_with_hz(Box::new(ProgressLines), LINES_PER_SECOND);
+            (lines, "{prefix} {pos}/{len}")
+        }
+        ProgressForm::Bars => {
+            (ProgressDrawTarget::stderr(), "{prefix:>20} [{bar:40}] {pos}/{len} {eta} left {wide_msg}")
+        }
+    };
+    let style = ProgressStyle::with_template(template);
     let bar = ProgressBar::with_draw_target(Some(n_steps as u64), target)
         .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()).progress_chars("=> "))
         .with_prefix(label.to_owned());

@@ -1,5 +1,7 @@
 //! `roomsight serve`: the HTTP service.
 
+mod lan;
+
 use super::mistakes::nearest;
 use super::output::say;
 use super::{limits, log};
@@ -31,6 +33,10 @@ pub(super) struct ServeArgs {
     /// [default: models]
     #[arg(long, value_name = "DIR")]
     models: Option<PathBuf>,
+    /// Keep data sets, labels and trainings of the page in this folder, made where it is not there; without it the page
+    /// shows and changes models only
+    #[arg(long, value_name = "DIR")]
+    data: Option<PathBuf>,
     /// Whether newer versions come to serve by themselves: latest or manual [default: latest]
     #[arg(long, value_parser = ["latest", "manual"])]
     policy: Option<String>,
@@ -40,6 +46,10 @@ pub(super) struct ServeArgs {
     /// Where to listen [default: 127.0.0.1:8080]
     #[arg(long, value_name = "HOST:PORT")]
     listen: Option<String>,
+    /// Let phones and laptops of this network in: listen on all addresses, over TLS with a certificate that is made here once,
+    /// and print an address and a QR code that signs a phone in
+    #[arg(long, requires = "data")]
+    lan: bool,
     /// Threads that recognize [default: one a core]
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
@@ -62,7 +72,10 @@ pub(super) struct ServeArgs {
 
 /// Serves until told to stop.
 pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
-    let settings = Settings::load(args.config.as_deref(), environment(), flags(args))?;
+    let mut settings = Settings::load(args.config.as_deref(), environment(), flags(args))?;
+    if args.lan && !args.print_config {
+        lan::prepare(&mut settings, args.listen.is_none())?;
+    }
     if args.print_config {
         say!("{}", settings.to_toml()?.trim_end())?;
         return Ok(());
@@ -76,7 +89,8 @@ pub(super) fn run(args: &ServeArgs) -> anyhow::Result<()> {
 
 fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
     limits::raise_open_files(&settings);
-    let address = permitted_address(&settings)?;
+    let address = address(&settings)?;
+    let allows_anyone = settings.allow_anonymous || address.ip().is_loopback();
     let runtime = tokio::runtime::Runtime::new()?;
     let hangups = {
         let _inside = runtime.enter();
@@ -84,11 +98,25 @@ fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
         hangups()
     };
     let app = App::start(settings)?;
+    let owner = if args.lan { app.owner()? } else { None };
+    if app.is_open() && !allows_anyone {
+        bail!(
+            "others could reach {address} without a key: make one with `roomsight key new`, \
+             or give --allow-anonymous"
+        );
+    }
     let served = runtime.block_on(async {
         let listener = listen(address)?;
         let scheme = if app.speaks_tls() { "https" } else { "http" };
         let url = format!("{scheme}://{}", listener.local_addr()?);
-        tracing::info!("listening on {url}, documentation at {url}/docs");
+        if http::has_page() {
+            tracing::info!("listening on {url}, which shows a page; documentation at {url}/docs");
+        } else {
+            tracing::info!("listening on {url}, documentation at {url}/docs; this program was built without the page");
+        }
+        if args.lan {
+            lan::invite(&app, owner.as_deref(), listener.local_addr()?.port())?;
+        }
         if !address.ip().is_loopback() && !app.speaks_tls() {
             tracing::warn!(
                 "keys and frames can be read on their way to {address}: set `tls_certificate` and `tls_key`, \
@@ -150,6 +178,7 @@ fn flags(args: &ServeArgs) -> HashMap<String, String> {
     let mut flags: HashMap<String, String> = args.set.iter().cloned().collect();
     let given = [
         ("models", args.models.as_ref().map(|path| path.to_string_lossy().into_owned())),
+        ("data", args.data.as_ref().map(|path| path.to_string_lossy().into_owned())),
         ("policy", args.policy.clone()),
         ("model", args.model.clone()),
         ("listen", args.listen.clone()),
@@ -163,22 +192,15 @@ fn flags(args: &ServeArgs) -> HashMap<String, String> {
     flags
 }
 
-/// Where to listen. Without keys others must not reach the service unless that was asked for.
-fn permitted_address(settings: &Settings) -> anyhow::Result<SocketAddr> {
+/// Where to listen.
+fn address(settings: &Settings) -> anyhow::Result<SocketAddr> {
     let unusable = || {
         format!(
             "the setting `listen` is wrong: {:?} is no HOST:PORT, such as 127.0.0.1:8080",
             settings.listen
         )
     };
-    let address = settings.listen.to_socket_addrs().with_context(unusable)?.next().with_context(unusable)?;
-    if settings.keys.is_empty() && !settings.allow_anonymous && !address.ip().is_loopback() {
-        bail!(
-            "others could reach {address} without a key: make one with `roomsight key new`, \
-             or give --allow-anonymous"
-        );
-    }
-    Ok(address)
+    settings.listen.to_socket_addrs().with_context(unusable)?.next().with_context(unusable)
 }
 
 #[cfg(unix)]

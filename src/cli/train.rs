@@ -70,6 +70,12 @@ pub(super) struct TrainArgs {
     /// With --publish: also where the version that serves answers more frames right
     #[arg(long, requires = "publish")]
     even_if_worse: bool,
+    /// With --output: say how the model does beside the one in this folder. It is written also where it is worse
+    #[arg(long, value_name = "MODEL", conflicts_with = "publish")]
+    beside: Option<PathBuf>,
+    /// With --beside: what that model is called in what is said [default: its folder]
+    #[arg(long, value_name = "TEXT", requires = "beside")]
+    beside_name: Option<String>,
     #[command(flatten)]
     cache: CacheArgs,
     /// Add the frames to what this model has learned; its configuration, camera and words stay
@@ -128,8 +134,14 @@ struct Trained {
 
 /// Where the model goes.
 enum Destination<'a> {
-    Folder(&'a Path),
+    Folder(&'a Path, Option<Beside<'a>>),
     Repository(Box<Local>, &'a str),
+}
+
+/// A model that the new one is compared with.
+struct Beside<'a> {
+    folder: &'a Path,
+    name: String,
 }
 
 /// Trains, prints the held-out rates, writes the model.
@@ -152,8 +164,9 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     let verdict = Verdict::of(&evaluation, knowledge, model.known_probability().is_some(), curve, &taken);
     args.gates_hold(&verdict, &evaluation)?;
     let comparison = destination.comparison((dataset, described), &answers, &args.limits.limits())?;
-    if let Some(comparison) =
-        comparison.as_ref().filter(|comparison| comparison.is_worse && !args.even_if_worse)
+    if let Some(comparison) = comparison
+        .as_ref()
+        .filter(|comparison| comparison.is_worse && args.publish.is_some() && !args.even_if_worse)
     {
         return Err(GateFailed(format!("it is worse. {comparison}. To publish it: --even-if-worse")).into());
     }
@@ -254,7 +267,13 @@ impl<'a> Destination<'a> {
             (Some(folder), ..) if folder.exists() => {
                 bail!("{} exists already; a model never changes: choose another folder", folder.display())
             }
-            (Some(folder), ..) => Ok(Self::Folder(folder)),
+            (Some(folder), ..) => {
+                let beside = args.beside.as_deref().map(|folder| Beside {
+                    folder,
+                    name: args.beside_name.clone().unwrap_or_else(|| folder.display().to_string()),
+                });
+                Ok(Self::Folder(folder, beside))
+            }
             (None, Some(repository), Some(name)) => {
                 let local = Local::open_to_add(repository, &args.cache.models_cache)?;
                 Ok(Self::Repository(Box::new(local), name))
@@ -270,12 +289,18 @@ impl<'a> Destination<'a> {
         answers: &[Answered],
         limits: &Limits,
     ) -> anyhow::Result<Option<Comparison>> {
-        let Self::Repository(repository, name) = self else { return Ok(None) };
-        let Some(id) = repository.serving(name)? else { return Ok(None) };
-        match Model::load(&repository.folder(&id)?) {
-            Ok(loaded) => Ok(Comparison::new((&id.to_string(), &loaded.model), trained, answers, limits)),
+        let (name, folder) = match self {
+            Self::Folder(_, None) => return Ok(None),
+            Self::Folder(_, Some(Beside { folder, name })) => (name.clone(), folder.to_path_buf()),
+            Self::Repository(repository, name) => match repository.serving(name)? {
+                Some(id) => (id.to_string(), repository.folder(&id)?),
+                None => return Ok(None),
+            },
+        };
+        match Model::load(&folder) {
+            Ok(loaded) => Ok(Comparison::new((&name, &loaded.model), trained, answers, limits)),
             Err(error) => {
-                note!("note: not compared with {id}, which serves: {error}");
+                note!("note: not compared with {name}: {error}");
                 Ok(None)
             }
         }
@@ -284,7 +309,7 @@ impl<'a> Destination<'a> {
     /// Writes the model there; returns its folder and, in a repository, what it is called.
     fn take(&self, model: &Model, golden: &[GoldenFrame]) -> anyhow::Result<(PathBuf, Option<VersionId>)> {
         match self {
-            Self::Folder(folder) => {
+            Self::Folder(folder, _) => {
                 model.save(folder, golden)?;
                 Ok((folder.to_path_buf(), None))
             }

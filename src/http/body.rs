@@ -51,6 +51,46 @@ pub struct OneFrame(pub Frame);
 /// The frames of a batch, a form.
 pub struct Frames(pub Vec<Frame>);
 
+/// Pictures of a request, each with its name: the image itself, or a form.
+pub struct NamedFrames(pub Vec<NamedFrame>);
+
+/// A picture, and what its sender calls it.
+pub struct NamedFrame {
+    /// Empty where it was not told.
+    pub name: String,
+    pub frame: Frame,
+}
+
+impl FromRequest<App> for NamedFrames {
+    type Rejection = Problem;
+
+    async fn from_request(request: Request, app: &App) -> Result<Self, Problem> {
+        const TYPES: &str = "the image itself, as image/jpeg or as application/octet-stream, or \
+            multipart/form-data with a field `frame` for each";
+        let settings = &app.engine.settings;
+        match MediaType::told(request.headers(), TYPES)? {
+            MediaType::Form => {
+                let (request, body) = read(app, request, settings.max_batch_bytes).await?;
+                let frames = form_frames(app, request, body, settings.max_batch_frames + 1).await?;
+                match frames.len() {
+                    0 => Err(BodyError::Empty.into()),
+                    n if n > settings.max_batch_frames => {
+                        Err(BodyError::TooManyFrames(settings.max_batch_frames).into())
+                    }
+                    _ => Ok(Self(frames)),
+                }
+            }
+            MediaType::Json => {
+                Err(BodyError::UnsupportedType(content_type(request.headers()).to_owned(), TYPES).into())
+            }
+            MediaType::Image | MediaType::Untold => {
+                let (_, frame) = read(app, request, settings.max_frame_bytes).await?;
+                Ok(Self(vec![NamedFrame { name: String::new(), frame }]))
+            }
+        }
+    }
+}
+
 impl FromRequest<App> for OneFrame {
     type Rejection = Problem;
 
@@ -66,7 +106,7 @@ impl FromRequest<App> for OneFrame {
         };
         let (request, body) = read(app, request, limit).await?;
         let frame = if told == MediaType::Form {
-            only(form_frames(app, request, body, 2).await?)?
+            only(form_frames(app, request, body, 2).await?)?.frame
         } else if told.judged(&body.bytes)? == MediaType::Json {
             let n_bytes = body.bytes.len();
             let read = move || Ok::<_, BodyError>(body.part(json_frame(&body.bytes)?));
@@ -96,7 +136,7 @@ impl FromRequest<App> for Frames {
         match frames.len() {
             0 => Err(BodyError::Empty.into()),
             n if n > max_frames => Err(BodyError::TooManyFrames(max_frames).into()),
-            _ => Ok(Self(frames)),
+            _ => Ok(Self(frames.into_iter().map(|named| named.frame).collect())),
         }
     }
 }
@@ -202,7 +242,7 @@ async fn form_frames(
     request: Request,
     body: Frame,
     max_frames: usize,
-) -> Result<Vec<Frame>, Problem> {
+) -> Result<Vec<NamedFrame>, Problem> {
     let caller = caller_of(request.extensions());
     let n_bytes = body.bytes.len();
     let frames = fields(request, body, max_frames);
@@ -214,7 +254,7 @@ async fn form_frames(
     Ok(take_apart(app, &caller, n_bytes, move || runtime.block_on(frames)).await??)
 }
 
-async fn fields(request: Request, body: Frame, max_frames: usize) -> Result<Vec<Frame>, BodyError> {
+async fn fields(request: Request, body: Frame, max_frames: usize) -> Result<Vec<NamedFrame>, BodyError> {
     let malformed = |error: String| BodyError::Malformed(format!("the form cannot be read: {error}"));
     let request = request.map(|_| Body::from(body.bytes.clone()));
     let mut form =
@@ -227,13 +267,14 @@ async fn fields(request: Request, body: Frame, max_frames: usize) -> Result<Vec<
             let name = field.name().unwrap_or_default();
             return Err(malformed(format!("it has a field {name:?}; the field of a frame is `frame`")));
         }
+        let name = field.file_name().unwrap_or_default().to_owned();
         let bytes = field.bytes().await.map_err(|error| malformed(error.body_text()))?;
-        frames.push(body.part(bytes));
+        frames.push(NamedFrame { name, frame: body.part(bytes) });
     }
     Ok(frames)
 }
 
-fn only(mut frames: Vec<Frame>) -> Result<Frame, BodyError> {
+fn only(mut frames: Vec<NamedFrame>) -> Result<NamedFrame, BodyError> {
     match (frames.pop(), frames.is_empty()) {
         (None, _) => Err(BodyError::Malformed("the form has no field `frame`".into())),
         (Some(frame), true) => Ok(frame),

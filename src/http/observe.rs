@@ -128,7 +128,8 @@ fn complete(mut response: Response, context: &RequestContext, form: ErrorForm) -
         (header::REFERRER_POLICY, "no-referrer"),
         (header::CONTENT_SECURITY_POLICY, CONTENT_POLICY),
     ] {
-        headers.insert(name, HeaderValue::from_static(value));
+        // The page and pictures say it themselves.
+        headers.entry(name).or_insert(HeaderValue::from_static(value));
     }
     headers.entry(header::CACHE_CONTROL).or_insert(HeaderValue::from_static("no-store"));
     response

@@ -21,6 +21,17 @@ const SESSION: &str = "session";
 /// What can go wrong with any call that takes a key.
 pub const AUTH_KINDS: [Kind; 4] = [Kind::Unauthorized, Kind::Forbidden, Kind::ForeignSite, Kind::UnknownHost];
 
+/// What can go wrong with what lies in the data directory.
+const TEACHING_KINDS: [Kind; 7] = [
+    Kind::BadRequest,
+    Kind::NotFound,
+    Kind::Conflict,
+    Kind::NotAnImage,
+    Kind::Internal,
+    Kind::NoData,
+    Kind::DiskFull,
+];
+
 /// What is not told by the handlers.
 #[derive(OpenApi)]
 #[openapi(
@@ -41,6 +52,7 @@ pub const AUTH_KINDS: [Kind; 4] = [Kind::Unauthorized, Kind::Forbidden, Kind::Fo
         (name = "recognize", description = "Frames to rooms"),
         (name = "dashboards", description = "Who streams, and what happens"),
         (name = "models", description = "What recognizes them"),
+        (name = "teaching", description = "What people teach, and what they decide"),
         (name = "health", description = "Whether the service works"),
         (name = "inference", description = "The Open Inference Protocol, for clients that speak it already")
     ),
@@ -123,6 +135,15 @@ pub struct LabelProblems;
 /// What can go wrong when a version is uploaded.
 pub struct UploadProblems;
 
+/// What can go wrong with what people teach.
+pub struct TeachingProblems;
+
+/// What can go wrong when what people teach comes with a body.
+pub struct AddProblems;
+
+/// What can go wrong when a browser signs in by a code.
+pub struct CodeProblems;
+
 /// What can go wrong for dashboards.
 pub struct ViewerProblems;
 
@@ -199,6 +220,29 @@ impl IntoResponses for UploadProblems {
     }
 }
 
+impl IntoResponses for TeachingProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        keyed(TEACHING_KINDS)
+    }
+}
+
+impl IntoResponses for AddProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let read = [Kind::SlowBody, Kind::TooLarge, Kind::UnsupportedType, Kind::QueueFull, Kind::Draining];
+        responses(ErrorForm::Problem, AUTH_KINDS.into_iter().chain(TEACHING_KINDS).chain(read))
+    }
+}
+
+impl IntoResponses for CodeProblems {
+    fn responses() -> BTreeMap<String, RefOr<Response>> {
+        let read = [Kind::SlowBody, Kind::TooLarge, Kind::UnsupportedType, Kind::QueueFull];
+        responses(
+            ErrorForm::Problem,
+            [Kind::BadRequest, Kind::Unauthorized, Kind::ForeignSite].into_iter().chain(read),
+        )
+    }
+}
+
 impl IntoResponses for ViewerProblems {
     fn responses() -> BTreeMap<String, RefOr<Response>> {
         keyed([])
@@ -270,6 +314,8 @@ pub fn frame_kinds() -> impl Iterator<Item = Kind> {
                 | Kind::StaleEpoch
                 | Kind::NotAModel
                 | Kind::NoRepository
+                | Kind::NoData
+                | Kind::DiskFull
         )
     };
     Kind::all().filter(move |kind| !concerns_others(kind))

@@ -33,6 +33,14 @@ impl FromRequestParts<App> for Asked {
     }
 }
 
+impl FromRequestParts<App> for Caller {
+    type Rejection = Problem;
+
+    async fn from_request_parts(parts: &mut Parts, _: &App) -> Result<Self, Problem> {
+        Self::of(&parts.extensions, Transport::Rest)
+    }
+}
+
 /// Who asks, and how.
 pub struct Caller {
     context: RequestContext,

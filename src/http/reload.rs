@@ -3,6 +3,7 @@
 use crate::http::App;
 use crate::http::tls::{Tls, TlsError};
 use crate::settings::{Settings, SettingsError};
+use crate::teaching::TeachingError;
 
 /// What a reload has done.
 #[derive(Debug)]
@@ -22,6 +23,9 @@ pub enum ReloadError {
     /// Settings that cannot be read.
     #[error(transparent)]
     Settings(#[from] SettingsError),
+    /// Keys that were made on the page cannot be read.
+    #[error(transparent)]
+    Teaching(#[from] TeachingError),
     /// There were keys, and there would be none.
     #[error(
         "no key is left: the keys stay as they are, since without keys anyone could call; restart for that"
@@ -36,12 +40,16 @@ impl App {
     /// # Errors
     /// Nothing changes where the settings cannot be, or would open a service that had keys.
     pub fn reload(&self, fresh: &Settings) -> Result<Reloaded, ReloadError> {
-        if fresh.keys.is_empty() && !self.engine.keyring.is_open() {
+        let keys = match &self.teaching {
+            Some(teaching) => teaching.keys.beside(&fresh.keys)?,
+            None => fresh.keys.clone(),
+        };
+        if keys.is_empty() && !self.engine.keyring.is_open() {
             return Err(ReloadError::NoKeys);
         }
         let waiting = self.engine.settings.changes_to(fresh)?;
-        self.engine.keyring.replace(&fresh.keys);
+        self.engine.keyring.replace(&keys);
         let tls = self.tls.as_ref().map(Tls::reload_asked);
-        Ok(Reloaded { n_keys: fresh.keys.len(), tls, waiting })
+        Ok(Reloaded { n_keys: keys.len(), tls, waiting })
     }
 }

@@ -1,7 +1,10 @@
 //! The paths of the API, grouped by who may call them.
 
+mod audit;
 mod events;
 mod health;
+mod inbox;
+mod keys;
 mod live;
 mod metrics;
 mod models;
@@ -10,14 +13,15 @@ mod recognize;
 mod robots;
 mod service;
 mod session;
+mod sets;
 mod stream;
+mod trainings;
 
 use super::asyncapi::stream_document;
 use super::openapi::{Description, accept_sessions};
-use super::{App, auth, cors, observe};
+use super::{App, auth, cors, observe, page};
 use axum::extract::DefaultBodyLimit;
 use axum::middleware::from_fn_with_state;
-use axum::response::Redirect;
 use axum::routing::get;
 use axum::{Json, Router};
 use std::sync::Arc;
@@ -44,7 +48,7 @@ pub fn router(app: App) -> Router {
         .merge(documentation)
         .route("/openapi.json", get(async move || Json(document)))
         .route("/asyncapi.json", get(|| async { Json(stream_document()) }))
-        .route("/", get(|| async { Redirect::temporary("docs/") }))
+        .merge(page::routes())
         // Forms have limits of our own, see `body`.
         .layer(DefaultBodyLimit::disable())
         .layer(CatchPanicLayer::custom(observe::panicked));
@@ -94,11 +98,25 @@ fn of_viewers() -> OpenApiRouter<App> {
         .routes(routes!(service::show_history))
         .routes(routes!(models::show_map))
         .routes(routes!(metrics::scrape))
+        .routes(routes!(sets::list_sets))
+        .routes(routes!(sets::show_set))
+        .routes(routes!(sets::list_frames))
+        .routes(routes!(sets::show_picture))
+        .routes(routes!(sets::show_check))
+        .routes(routes!(inbox::list_inbox))
+        .routes(routes!(inbox::show_rule))
+        .routes(routes!(inbox::show_policy))
+        .routes(routes!(inbox::show_inbox_picture))
+        .routes(routes!(trainings::list_trainings))
+        .routes(routes!(trainings::show_training))
+        .routes(routes!(audit::list_audit))
         .merge(oip::viewers())
 }
 
 fn of_holders() -> OpenApiRouter<App> {
-    OpenApiRouter::new().routes(routes!(session::sign_in, session::sign_out)).merge(oip::holders())
+    OpenApiRouter::new()
+        .routes(routes!(session::sign_in, session::sign_out, session::show_session))
+        .merge(oip::holders())
 }
 
 fn of_admins() -> OpenApiRouter<App> {
@@ -108,11 +126,27 @@ fn of_admins() -> OpenApiRouter<App> {
         .routes(routes!(models::rollback))
         .routes(routes!(models::set_default))
         .routes(routes!(models::set_label, models::remove_label))
+        .routes(routes!(sets::create_set, sets::remove_set))
+        .routes(routes!(sets::add_frames))
+        .routes(routes!(sets::change_set))
+        .routes(routes!(sets::undo_change))
+        .routes(routes!(sets::begin_check))
+        .routes(routes!(inbox::add_wrong))
+        .routes(routes!(inbox::set_rule))
+        .routes(routes!(inbox::set_policy))
+        .routes(routes!(inbox::label_frames))
+        .routes(routes!(inbox::discard_frames))
+        .routes(routes!(trainings::begin_training))
+        .routes(routes!(trainings::cancel_training))
+        .routes(routes!(trainings::publish_training))
+        .routes(routes!(keys::list_keys, keys::make_key))
+        .routes(routes!(keys::revoke_key))
         .merge(oip::admins())
 }
 
 fn of_anyone() -> OpenApiRouter<App> {
     OpenApiRouter::new()
+        .routes(routes!(session::sign_in_by_code))
         .routes(routes!(health::live))
         .routes(routes!(health::ready))
         .routes(routes!(health::show_problem))

@@ -27,7 +27,7 @@ pub enum Kind {
     SlowBody,
     /// A version that does not serve.
     NotReady,
-    /// A version that is there already, or that is in use.
+    /// Something stands in the way.
     Conflict,
     /// What serves was changed since the caller looked.
     StaleEpoch,
@@ -55,8 +55,12 @@ pub enum Kind {
     NoModel,
     /// The repository of models cannot be used.
     NoRepository,
+    /// The service keeps nothing.
+    NoData,
     /// The deadline passed.
     DeadlinePassed,
+    /// No room is left on the disk.
+    DiskFull,
 }
 
 /// What a kind is to a caller.
@@ -73,7 +77,7 @@ struct Row {
 }
 
 /// One row a kind, in their order.
-const ROWS: [Row; 27] = [
+const ROWS: [Row; 29] = [
     Row {
         kind: Kind::BadRequest,
         status: 400,
@@ -162,8 +166,8 @@ const ROWS: [Row; 27] = [
         kind: Kind::Conflict,
         status: 409,
         name: "conflict",
-        title: "The version cannot be changed so",
-        advice: "see GET /v1/models for what there is, and choose another version or number",
+        title: "Something stands in the way",
+        advice: "look again at what there is, and choose another version, number or name",
     },
     Row {
         kind: Kind::StaleEpoch,
@@ -257,11 +261,25 @@ const ROWS: [Row; 27] = [
         advice: "see that the folder or the bucket of models can be reached and written",
     },
     Row {
+        kind: Kind::NoData,
+        status: 503,
+        name: "no-data-directory",
+        title: "The service keeps nothing",
+        advice: "start the service with --data FOLDER",
+    },
+    Row {
         kind: Kind::DeadlinePassed,
         status: 504,
         name: "deadline-passed",
         title: "The deadline passed",
         advice: "allow more time, or send fewer frames",
+    },
+    Row {
+        kind: Kind::DiskFull,
+        status: 507,
+        name: "disk-full",
+        title: "No room is left on the disk",
+        advice: "make room where the service keeps its data, then send it again; nothing of this request was kept",
     },
 ];
 

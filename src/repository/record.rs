@@ -17,7 +17,7 @@ pub(super) const MAX_EPOCH: u64 = u64::MAX / 2;
 pub struct ServingRecord {
     /// Counts the changes of this record.
     pub epoch: u64,
-    /// The highest version that was ever given a label: only a higher one comes to serve by itself.
+    /// The highest version that was ever given a label, or published to be decided about: only a higher one comes to serve by itself.
     pub settled: u64,
     /// The version that answers.
     pub stable: Option<u64>,
@@ -72,6 +72,11 @@ impl ServingRecord {
             shadow: self.shadow.filter(|shadow| *shadow != version),
             epoch: self.epoch,
         })
+    }
+
+    /// The record in which `version` does not come to serve by itself.
+    pub fn decided_about(&self, version: u64) -> Self {
+        self.changed(Self { settled: self.settled.max(version), ..self.clone() })
     }
 
     /// The record in which the previous version is stable again.

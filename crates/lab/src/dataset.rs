@@ -19,7 +19,7 @@ mod folder;
 mod glob;
 mod look;
 mod manifest;
-mod names;
+pub mod names;
 #[cfg(test)]
 mod tests;
 mod tree;

@@ -5,6 +5,10 @@
 //! | [`rest`] | the JSON of the calls |
 //! | [`stream`] | the messages of a stream, `roomsight.v1` over a WebSocket |
 //! | [`header`] | the optional header of a streamed frame |
+//! | [`sets`] | data sets that the service keeps |
+//! | [`inbox`] | frames that the model doubted, and what people say of them |
+//! | [`training`] | trainings that the service runs |
+//! | [`audit`] | who changed what |
 //! | [`event`] | what dashboards are told of robots and of what happens |
 //! | [`service`] | what they are told of the service itself |
 //! | [`map`] | how the rooms of a model lie |
@@ -13,13 +17,17 @@
 //! | [`version_id`] | how models and versions are called |
 //! | [`object`] | JSON objects that are nothing else |
 
+pub mod audit;
 pub mod base64_text;
 pub mod event;
 pub mod header;
+pub mod inbox;
 pub mod map;
 pub mod object;
 pub mod oip;
 pub mod rest;
 pub mod service;
+pub mod sets;
 pub mod stream;
+pub mod training;
 pub mod version_id;

@@ -48,7 +48,8 @@ impl Registry {
         for name in registry.look(None)? {
             registry.start(&name);
         }
-        if settings.policy == Policy::Latest {
+        // Where people teach the service, the first model comes later.
+        if settings.policy == Policy::Latest && !settings.keeps_data() {
             registry.check(&settings.models.to_string_lossy())?;
         }
         registry.settle_default();

@@ -7,6 +7,7 @@ use crate::engine::registry::{ChangeError, model_info, version_info, version_inf
 use crate::http::App;
 use crate::http::blocking::blocking;
 use crate::http::body::{BodyError, read_json};
+use crate::http::by::By;
 use crate::http::openapi::{
     ChangeProblems, IfMatch, LabelProblems, MapProblems, ModelProblems, NameParam, TarBytes, UploadProblems,
     VersionParams,
@@ -21,6 +22,7 @@ use axum::http::header::{ETAG, IF_MATCH};
 use axum::http::request::Parts;
 use axum::response::{IntoResponse, Response};
 use map::map;
+use roomsight_protocol::audit::Deed;
 use roomsight_protocol::map::ModelMap;
 use roomsight_protocol::rest::{LabelJson, ModelInfo, ModelList, VersionInfo};
 use roomsight_protocol::version_id::VersionId;
@@ -130,13 +132,14 @@ pub async fn show_map(
 )]
 pub async fn upload_version(
     State(app): State<App>,
+    by: By,
     VersionPath(id): VersionPath,
     request: Request,
 ) -> Result<Response, Problem> {
     if app.engine.registry.entry(&id.name).is_ok_and(|entry| entry.versions.contains_key(&id.version)) {
         return Err(ChangeError::from(RepositoryError::Exists(id)).into());
     }
-    upload(&app, &id, request).await?;
+    upload(&app, &by, &id, request).await?;
     Ok((StatusCode::CREATED, told_version(&app, &id)?).into_response())
 }
 
@@ -150,10 +153,16 @@ pub async fn upload_version(
 )]
 pub async fn delete_version(
     State(app): State<App>,
+    by: By,
     VersionPath(id): VersionPath,
     Expected(epoch): Expected,
 ) -> Result<StatusCode, Problem> {
-    blocking(&app, move |app| app.engine.registry.delete(&id, epoch)).await?;
+    blocking(&app, move |app| {
+        app.engine.registry.delete(&id, epoch)?;
+        by.did(app, Deed::DeleteVersion, &id.to_string(), "");
+        Ok::<_, Problem>(())
+    })
+    .await?;
     Ok(StatusCode::NO_CONTENT)
 }
 
@@ -168,10 +177,11 @@ pub async fn delete_version(
 )]
 pub async fn activate(
     State(app): State<App>,
+    by: By,
     VersionPath(id): VersionPath,
     Expected(epoch): Expected,
 ) -> Result<Response, Problem> {
-    change(&app, &id.name, Change::Activate(id.version), epoch).await?;
+    change(&app, by, &id.name, Change::Activate(id.version), epoch).await?;
     told_version(&app, &id)
 }
 
@@ -185,10 +195,11 @@ pub async fn activate(
 )]
 pub async fn rollback(
     State(app): State<App>,
+    by: By,
     Path(name): Path<String>,
     Expected(epoch): Expected,
 ) -> Result<Response, Problem> {
-    change(&app, &name, Change::Rollback, epoch).await?;
+    change(&app, by, &name, Change::Rollback, epoch).await?;
     told_model(&app, &name)
 }
 
@@ -201,9 +212,18 @@ pub async fn rollback(
     params(("name" = String, Path, description = "The model's name.")),
     responses((status = OK, description = "The model", body = ModelInfo), ChangeProblems)
 )]
-pub async fn set_default(State(app): State<App>, Path(name): Path<String>) -> Result<Response, Problem> {
+pub async fn set_default(
+    State(app): State<App>,
+    by: By,
+    Path(name): Path<String>,
+) -> Result<Response, Problem> {
     let wanted = name.clone();
-    blocking(&app, move |app| app.engine.registry.set_default(&wanted)).await?;
+    blocking(&app, move |app| {
+        app.engine.registry.set_default(&wanted)?;
+        by.did(app, Deed::Default, &wanted, "");
+        Ok::<_, Problem>(())
+    })
+    .await?;
     told_model(&app, &name)
 }
 
@@ -220,6 +240,7 @@ pub async fn set_default(State(app): State<App>, Path(name): Path<String>) -> Re
 )]
 pub async fn set_label(
     State(app): State<App>,
+    by: By,
     path: Result<Path<LabelPath>, PathRejection>,
     Expected(epoch): Expected,
     request: Request,
@@ -238,7 +259,7 @@ pub async fn set_label(
             return Err(Problem::query("a shadow answers nobody: leave `share` out"));
         }
     };
-    change(&app, &name, wanted, epoch).await?;
+    change(&app, by, &name, wanted, epoch).await?;
     told_model(&app, &name)
 }
 
@@ -252,6 +273,7 @@ pub async fn set_label(
 )]
 pub async fn remove_label(
     State(app): State<App>,
+    by: By,
     path: Result<Path<LabelPath>, PathRejection>,
     Expected(epoch): Expected,
 ) -> Result<Response, Problem> {
@@ -260,7 +282,7 @@ pub async fn remove_label(
         Label::Canary => Change::Canary(None),
         Label::Shadow => Change::Shadow(None),
     };
-    change(&app, &name, wanted, epoch).await?;
+    change(&app, by, &name, wanted, epoch).await?;
     told_model(&app, &name)
 }
 
@@ -292,9 +314,36 @@ impl FromRequestParts<App> for Expected {
 }
 
 /// Changes what serves, where that may take its time.
-pub async fn change(app: &App, name: &str, change: Change, epoch: Option<u64>) -> Result<(), Problem> {
+pub async fn change(
+    app: &App,
+    by: By,
+    name: &str,
+    change: Change,
+    epoch: Option<u64>,
+) -> Result<(), Problem> {
     let name = name.to_owned();
-    blocking(app, move |app| app.engine.registry.change(&name, change, epoch)).await
+    blocking(app, move |app| {
+        app.engine.registry.change(&name, change, epoch)?;
+        let (deed, detail) = deed(change);
+        by.did(app, deed, &name, &detail);
+        Ok::<_, Problem>(())
+    })
+    .await
+}
+
+/// A change as the audit has it.
+fn deed(change: Change) -> (Deed, String) {
+    match change {
+        Change::Activate(version) => (Deed::Activate, version.to_string()),
+        Change::Rollback => (Deed::Rollback, String::new()),
+        Change::Canary(Some(Canary { version, share })) => {
+            (Deed::Label, format!("{version} as canary for {:.0} % of the robots", 100.0 * share))
+        }
+        Change::Shadow(Some(version)) => (Deed::Label, format!("{version} as shadow")),
+        Change::Canary(None) => (Deed::Unlabel, "canary".to_owned()),
+        Change::Shadow(None) => (Deed::Unlabel, "shadow".to_owned()),
+        Change::Unload => (Deed::Unlabel, "all".to_owned()),
+    }
 }
 
 fn labeled(path: Result<Path<LabelPath>, PathRejection>) -> Result<LabelPath, Problem> {

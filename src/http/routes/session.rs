@@ -6,13 +6,14 @@
 use crate::access::{AuthError, Key, Role};
 use crate::http::App;
 use crate::http::auth::{SESSION_COOKIE, presented};
-use crate::http::openapi::ViewerProblems;
+use crate::http::body::{BodyError, read_json};
+use crate::http::openapi::{CodeProblems, ViewerProblems};
 use crate::problem::Problem;
-use axum::extract::State;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::extract::{Request, State};
+use axum::http::{HeaderMap, Method, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use axum::{Extension, Json};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::time::Duration;
 use utoipa::ToSchema;
@@ -26,9 +27,17 @@ pub struct SessionInfo {
     /// What it allows; left out by a service without keys, where anyone may do everything.
     #[serde(skip_serializing_if = "Option::is_none")]
     role: Option<Role>,
-    /// When the session ends, in seconds from now; left out by a service without keys.
+    /// When the session that begins ends, in seconds from now; told where one begins.
     #[serde(skip_serializing_if = "Option::is_none")]
     expires_in_s: Option<u64>,
+}
+
+/// A code that stands for a key once.
+#[derive(Deserialize, ToSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CodeJson {
+    /// As it was told.
+    code: String,
 }
 
 /// Signs a browser in
@@ -54,15 +63,57 @@ pub async fn sign_in(
     if presented(&headers).is_none() {
         return Err(AuthError::Missing.into());
     }
-    let life = app.engine.settings.session();
-    let session = app.engine.keyring.begin_session(&key, life);
-    let info = SessionInfo {
-        name: Some(key.name().to_owned()),
-        role: Some(key.role()),
-        expires_in_s: Some(life.as_secs()),
-    };
-    let cookie = cookie(&session, life, app.tls.is_some() || is_page_encrypted(&headers));
+    let (cookie, info) = begin(&app, &key, &headers);
     Ok(([(header::SET_COOKIE, cookie)], Json(info)).into_response())
+}
+
+/// Signs a browser in by a code
+///
+/// A code is told once, as a QR code by `roomsight serve --lan`, and stands for a key once: for a phone, on which nobody types
+/// a key.
+#[utoipa::path(
+    post, path = "/v1/session/code", tag = "dashboards",
+    request_body(content = CodeJson),
+    responses(
+        (status = OK, description = "Who is signed in", body = SessionInfo,
+            headers(("Set-Cookie" = String, description = "The session"))),
+        CodeProblems
+    )
+)]
+pub async fn sign_in_by_code(
+    State(app): State<App>,
+    headers: HeaderMap,
+    request: Request,
+) -> Result<Response, Problem> {
+    // Another site cannot sign a browser in as somebody else.
+    app.sites.check_origin(&Method::POST, &headers)?;
+    let empty = || BodyError::Malformed("send the code as JSON".to_owned());
+    let CodeJson { code } = read_json(&app, request).await?.ok_or_else(empty)?;
+    let key = app.engine.keyring.take_code(&code).ok_or(AuthError::Code)?;
+    let (cookie, info) = begin(&app, &key, &headers);
+    Ok(([(header::SET_COOKIE, cookie)], Json(info)).into_response())
+}
+
+/// Who is signed in
+///
+/// Whose key or session the request carries; nothing by a service without keys.
+#[utoipa::path(
+    get, path = "/v1/session", tag = "dashboards", security(("key" = [])),
+    responses((status = OK, description = "Who calls", body = SessionInfo), ViewerProblems)
+)]
+pub async fn show_session(key: Option<Extension<Arc<Key>>>) -> Json<SessionInfo> {
+    let key = key.map(|Extension(key)| key);
+    let (name, role) = (key.as_ref().map(|key| key.name().to_owned()), key.as_ref().map(|key| key.role()));
+    Json(SessionInfo { name, role, expires_in_s: None })
+}
+
+/// A session of a key: the cookie that stands for it, and what is told of it.
+pub fn begin(app: &App, key: &Key, headers: &HeaderMap) -> (String, SessionInfo) {
+    let life = app.engine.settings.session();
+    let session = app.engine.keyring.begin_session(key, life);
+    let (name, role) = (Some(key.name().to_owned()), Some(key.role()));
+    let info = SessionInfo { name, role, expires_in_s: Some(life.as_secs()) };
+    (cookie(&session, life, app.tls.is_some() || is_page_encrypted(headers)), info)
 }
 
 /// Signs a browser out

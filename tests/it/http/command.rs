@@ -51,12 +51,26 @@ impl Running {
         let address = free_address();
         let child = serve.args(["--listen", &address]).args(args).stderr(Stdio::piped()).spawn().unwrap();
         let running = Self { child, url: format!("http://{address}") };
+        running.wait_until(|| output(&["health", &running.url]).status.success());
+        running
+    }
+
+    /// The same without a model, so that it listens and is not ready.
+    pub fn start_unready(args: &[&str]) -> Self {
+        let address = free_address();
+        let mut serve = roomsight(&["serve", "--listen", &address]);
+        let child = serve.args(args).stderr(Stdio::null()).spawn().unwrap();
+        let running = Self { child, url: format!("http://{address}") };
+        running.wait_until(|| TcpStream::connect(&address).is_ok());
+        running
+    }
+
+    fn wait_until(&self, is_there: impl Fn() -> bool) {
         let started = Instant::now();
-        while !output(&["health", &running.url]).status.success() {
-            assert!(started.elapsed() < PATIENCE, "it never got ready");
+        while !is_there() {
+            assert!(started.elapsed() < PATIENCE, "{} never got ready", self.url);
             sleep(Duration::from_millis(20));
         }
-        running
     }
 
     /// Sends it a signal.

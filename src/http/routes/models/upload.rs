@@ -3,6 +3,7 @@
 use crate::engine::registry::{ChangeError, repository_kind};
 use crate::http::App;
 use crate::http::blocking::blocking;
+use crate::http::by::By;
 use crate::problem::{Kind, Problem};
 use crate::repository::package::{PackageError, PackageLimits, unpack};
 use crate::repository::{RepositoryError, disk_error};
@@ -11,6 +12,7 @@ use axum::extract::Request;
 use axum::http::HeaderMap;
 use axum::http::header::{CONTENT_ENCODING, CONTENT_TYPE};
 use http_body_util::BodyExt;
+use roomsight_protocol::audit::Deed;
 use roomsight_protocol::version_id::VersionId;
 use std::fs::File;
 use std::io::{self, Write};
@@ -120,7 +122,7 @@ impl From<UploadError> for Problem {
 
 /// Takes a version in: tried, published, and found by the registry. What can be known of it before its body is
 /// looked at first.
-pub async fn upload(app: &App, id: &VersionId, request: Request) -> Result<(), Problem> {
+pub async fn upload(app: &App, by: &By, id: &VersionId, request: Request) -> Result<(), Problem> {
     check_head(request.headers())?;
     if app.engine.is_draining() {
         return Err(Problem::draining());
@@ -134,8 +136,13 @@ pub async fn upload(app: &App, id: &VersionId, request: Request) -> Result<(), P
     let _place = app.uploads.try_acquire().map_err(full)?;
     let received = blocking(app, |app| app.engine.registry.stage().map_err(UploadError::from)).await?;
     receive(body, &received, limit, app.engine.settings.body_timeout()).await?;
-    let id = id.clone();
-    blocking(app, move |app| publish(app, &id, &received)).await
+    let (by, id) = (by.clone(), id.clone());
+    blocking(app, move |app| {
+        publish(app, &id, &received)?;
+        by.did(app, Deed::Upload, &id.to_string(), "");
+        Ok::<_, UploadError>(())
+    })
+    .await
 }
 
 /// Refuses what cannot be a version. What it is otherwise is told by its bytes: people's programs call archives by

@@ -3,6 +3,7 @@
 use super::ModelPath;
 use super::problems::{IndexProblems, LoadProblems};
 use crate::engine::registry::{Choice, LookupError, RegisteredModel, ServedModel};
+use crate::http::by::By;
 use crate::http::openapi::NameParam;
 use crate::http::routes::models;
 use crate::http::{App, body};
@@ -70,14 +71,19 @@ pub async fn index(State(app): State<App>, request: Request) -> Result<Json<Vec<
     request_body = Option<LoadRequest>,
     responses((status = OK, description = "It serves"), LoadProblems)
 )]
-pub async fn load(State(app): State<App>, path: ModelPath, request: Request) -> Result<StatusCode, Problem> {
+pub async fn load(
+    State(app): State<App>,
+    by: By,
+    path: ModelPath,
+    request: Request,
+) -> Result<StatusCode, Problem> {
     let LoadRequest { parameters } = body::read_json(&app, request).await?.unwrap_or_default();
     if !parameters.is_empty() {
         return Err(Problem::query("a model is loaded as it is; leave `parameters` out"));
     }
     let entry = app.engine.registry.entry(&path.name)?;
     let (&highest, _) = entry.versions.last_key_value().ok_or(LookupError::NoModel(path.name.clone()))?;
-    models::change(&app, &path.name, Change::Activate(highest), None).await?;
+    models::change(&app, by, &path.name, Change::Activate(highest), None).await?;
     Ok(StatusCode::OK)
 }
 
@@ -89,7 +95,7 @@ pub async fn load(State(app): State<App>, path: ModelPath, request: Request) -> 
     params(NameParam),
     responses((status = OK, description = "It serves no longer"), LoadProblems)
 )]
-pub async fn unload(State(app): State<App>, path: ModelPath) -> Result<StatusCode, Problem> {
-    models::change(&app, &path.name, Change::Unload, None).await?;
+pub async fn unload(State(app): State<App>, by: By, path: ModelPath) -> Result<StatusCode, Problem> {
+    models::change(&app, by, &path.name, Change::Unload, None).await?;
     Ok(StatusCode::OK)
 }

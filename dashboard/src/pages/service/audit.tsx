@@ -1,0 +1,59 @@
+import { useState } from "preact/hooks";
+import { type AuditEntry, listAudit } from "../../api/audit";
+import { Button } from "../../components/button";
+import { Busy, EmptyState, ErrorNote } from "../../components/layout";
+import { Table } from "../../components/table";
+import { dateTime } from "../../format";
+import { useAction, useLoad } from "../../hooks";
+import { text } from "../../texts/service";
+
+const PAGE = 100;
+
+/** Who changed what, the newest first. */
+export function Audit() {
+  const first = useLoad((signal) => listAudit(undefined, PAGE, signal), []);
+  const [older, setOlder] = useState<{ entries: AuditEntry[]; next?: number }>();
+  const next = older ? older.next : first.data?.next;
+  const more = useAction(async () => {
+    const page = await listAudit(next, PAGE);
+    setOlder((before) => ({
+      entries: [...(before?.entries ?? []), ...page.entries],
+      next: page.next,
+    }));
+  });
+  const entries = [...(first.data?.entries ?? []), ...(older?.entries ?? [])];
+  return (
+    <div class="stack">
+      <p class="muted">{text.auditLead}</p>
+      {first.error !== undefined && <ErrorNote error={first.error} onRetry={first.reload} />}
+      {!first.data && first.loading && <Busy />}
+      {first.data && entries.length === 0 && <EmptyState icon="check" title={text.auditNone} />}
+      {entries.length > 0 && (
+        <div class="card padded">
+          <Table
+            label={text.audit}
+            head={[text.when, text.who, text.what, text.target, text.detail]}
+            rows={entries.map(({ id, at, who, what, target, detail }) => ({
+              key: String(id),
+              cells: [
+                <span class="number">{dateTime(at)}</span>,
+                who || text.everybody,
+                text.actions[what] ?? what,
+                target,
+                detail,
+              ],
+            }))}
+          />
+        </div>
+      )}
+      {more.error !== undefined && <ErrorNote error={more.error} />}
+      {next !== undefined && (
+        <div class="row">
+          <Button busy={more.busy} onClick={() => void more.run()}>
+            {text.older}
+          </Button>
+        </div>
+      )}
+    </div>
+  );
+}

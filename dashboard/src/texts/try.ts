@@ -1,0 +1,35 @@
+/** Texts of the page Try. */
+export const text = {
+  title: "Try",
+  lead: "Show the model a picture or what this device’s camera sees, and see how it answers.",
+  sources: "What to show it",
+  picture: "A picture",
+  camera: "The camera",
+
+  drop: "Drop a picture here",
+  dropMore: "or choose one, or paste it. It is looked at and not kept.",
+  choose: "Choose a picture",
+  another: "Another picture",
+  pictureOf: (name: string) => `The picture ${name}`,
+  pasted: "pasted picture",
+  looking: "Looking …",
+  answer: "Answer",
+  filtered: "All frames so far together",
+  single: "This frame alone",
+
+  start: "Start the camera",
+  stop: "Stop",
+  startMore:
+    "Frames go to this service only, at most 640 pixels wide. They are answered and not kept, unless frames of robots are collected for the inbox.",
+  explain: "Show why",
+  cameraLabel: "What the camera sees",
+  rate: (n: string) => `${n} answers/s`,
+  roundTrip: (time: string) => `${time} from camera to answer`,
+  asRobot: (name: string) => `Seen on Live as ${name}`,
+  connecting: "Connecting to the service …",
+  lostConnection: "The stream broke, connecting again …",
+  streamRefused: (reason: string) => `The service closed the stream: ${reason}`,
+  refusedWithout: "it gave no reason",
+  newPlace: (share: string) => `Probability of a place that was never trained: ${share}`,
+  said: (room: string, known: string) => `${room}, ${known}`,
+};
