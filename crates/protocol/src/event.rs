@@ -2,6 +2,7 @@
 
 use super::rest::{Answer, ModelName, RoomProbability, TimingsMs, Unknown};
 use super::stream::{DropReason, Mode, StreamResult};
+use super::training::TrainingState;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 #[cfg(feature = "schema")]
@@ -38,6 +39,23 @@ pub enum Event {
     RobotFound(RobotFound),
     /// A robot's known answers name another room than before.
     RoomChanged(RoomChange),
+    /// A training began or ended.
+    Training {
+        /// Which.
+        id: i64,
+        /// How far it is.
+        state: TrainingState,
+    },
+    /// A data set was changed.
+    SetChanged {
+        /// Its name.
+        set: String,
+    },
+    /// Frames came to the inbox or left it.
+    InboxChanged {
+        /// How many wait for a label.
+        open: u64,
+    },
     /// This reader was too slow: the oldest events that it had not read are gone.
     Lost {
         /// How many.
