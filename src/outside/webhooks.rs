@@ -12,6 +12,7 @@ use reqwest::redirect::Policy;
 use reqwest::{Client, StatusCode, Url};
 use ring::hmac;
 use roomsight_protocol::event::Event;
+use roomsight_protocol::training::TrainingState;
 use serde::Serialize;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
@@ -102,7 +103,13 @@ fn is_told(event: &Event) -> bool {
         | Event::RoomChanged(_)
         | Event::ModelChanged { .. }
         | Event::SwapFailed { .. } => true,
-        Event::Answer(_) | Event::RobotJoined(_) | Event::RobotLeft(_) | Event::Lost { .. } => false,
+        Event::Training { state, .. } => *state != TrainingState::Running,
+        Event::Answer(_)
+        | Event::RobotJoined(_)
+        | Event::RobotLeft(_)
+        | Event::InboxChanged { .. }
+        | Event::SetChanged { .. }
+        | Event::Lost { .. } => false,
     }
 }
 

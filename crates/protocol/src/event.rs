@@ -2,6 +2,7 @@
 
 use super::rest::{Answer, ModelName, RoomProbability, TimingsMs, Unknown};
 use super::stream::{DropReason, Mode, StreamResult};
+use super::training::TrainingState;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 #[cfg(feature = "schema")]
@@ -38,6 +39,25 @@ pub enum Event {
     RobotFound(RobotFound),
     /// A robot's known answers name another room than before.
     RoomChanged(RoomChange),
+    /// A training began or ended.
+    Training {
+        /// Its number.
+        id: i64,
+        /// The model's name.
+        model: String,
+        /// How far it has come.
+        state: TrainingState,
+    },
+    /// Frames came into the inbox, got labels, or went.
+    InboxChanged {
+        /// How many have no label now.
+        open: u64,
+    },
+    /// A data set was changed.
+    SetChanged {
+        /// Its name.
+        set: String,
+    },
     /// This reader was too slow: the oldest events that it had not read are gone.
     Lost {
         /// How many.

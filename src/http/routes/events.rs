@@ -57,6 +57,9 @@ fn as_sent(event: &Event) -> sse::Event {
         Event::RobotLost(_) => "robot_lost",
         Event::RobotFound(_) => "robot_found",
         Event::RoomChanged(_) => "room_changed",
+        Event::Training { .. } => "training",
+        Event::InboxChanged { .. } => "inbox_changed",
+        Event::SetChanged { .. } => "set_changed",
         Event::Lost { .. } => "lost",
     };
     // Plain values always have a JSON form.
