@@ -182,7 +182,7 @@ mod tests {
         assert_eq!(reader.next(&robots).await.unwrap().bytes, "newer");
     }
 
-    #[tokio::test(start_paused = true)]
+    #[tokio::test]
     async fn nothing_is_made_while_nobody_reads() {
         let (robots, live) = (Robots::new(&Settings::default(), Events::default()), Live::default());
         let record = robots.named("one", None);

@@ -27,13 +27,15 @@ fn read(engine: &Engine) -> String {
         (&catalog::EVENT_READERS, engine.events.n_readers() + engine.live.n_readers()),
         (&catalog::LIVE_FRAME_BYTES, engine.robots.frames().n_bytes()),
         (&catalog::TRAINING_RUNNING, usize::from(engine.metrics.beside().is_training())),
-        (&catalog::MQTT_CONNECTED, usize::from(engine.metrics.beside().is_broker_connected())),
         (&catalog::DRAINING, usize::from(engine.is_draining())),
     ] {
         readings.add(metric, value as f64);
     }
     readings.add(&catalog::INBOX_FRAMES, engine.metrics.beside().inbox_frames() as f64);
     readings.add(&catalog::INBOX_BYTES, engine.metrics.beside().inbox_bytes() as f64);
+    let is_connected = f64::from(engine.metrics.beside().is_broker_connected());
+    let broker = engine.settings.mqtt.is_set().then_some(([""; 0], is_connected));
+    readings.add_series(&catalog::MQTT_CONNECTED, broker);
     read_streams(engine, &mut readings);
     read_models(engine, &mut readings);
     readings.add_series(&catalog::BUILD_INFO, [([env!("CARGO_PKG_VERSION")], 1.0)]);

@@ -39,7 +39,8 @@ struct Delivery {
 /// The body.
 #[derive(Serialize)]
 struct Told<'a> {
-    id: &'a str,
+    /// The same as in the header.
+    delivery: &'a str,
     at: String,
     #[serde(flatten)]
     event: &'a Event,
@@ -119,7 +120,7 @@ impl Delivery {
         getrandom::fill(&mut random).ok()?;
         let id: String = random.iter().map(|byte| format!("{byte:02x}")).collect();
         let at = humantime::format_rfc3339_millis(SystemTime::now()).to_string();
-        let body = serde_json::to_vec(&Told { id: &id, at, event }).ok()?.into();
+        let body = serde_json::to_vec(&Told { delivery: &id, at, event }).ok()?.into();
         Some(Self { id, body })
     }
 }
@@ -224,7 +225,7 @@ mod tests {
     }
 
     #[test]
-    fn an_event_is_told_with_its_fields_beside_its_id() {
+    fn an_event_is_told_with_its_fields() {
         let delivery = Delivery::new(&Event::SwapFailed {
             model: "lab".into(),
             change: "latest".into(),
@@ -232,7 +233,10 @@ mod tests {
         });
         let delivery = delivery.unwrap();
         let told: serde_json::Value = serde_json::from_slice(&delivery.body).unwrap();
-        assert_eq!((told["id"].as_str(), told["type"].as_str()), (Some(&*delivery.id), Some("swap_failed")));
+        assert_eq!(
+            (told["delivery"].as_str(), told["type"].as_str()),
+            (Some(&*delivery.id), Some("swap_failed"))
+        );
         assert!(told["at"].is_string() && told["model"] == "lab");
     }
 }

@@ -222,8 +222,11 @@ pub const WEBHOOKS: Metric = counter(
      waited; and retried, for each try after the first.",
 );
 /// Whether the broker hears.
-pub const MQTT_CONNECTED: Metric =
-    gauge("roomsight_mqtt_connected", &[], "1 while the broker of MQTT is connected, else 0.");
+pub const MQTT_CONNECTED: Metric = gauge(
+    "roomsight_mqtt_connected",
+    &[],
+    "1 while the broker of MQTT is connected, else 0. Only where there is one.",
+);
 /// The program.
 pub const BUILD_INFO: Metric = gauge("roomsight_build_info", &["version"], "1 for the program's version.");
 /// How long it has run.

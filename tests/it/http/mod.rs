@@ -1,6 +1,7 @@
 //! The service as its callers see it, over real sockets.
 
 mod access;
+mod alerts;
 mod calls;
 mod command;
 mod default_model;
@@ -11,6 +12,7 @@ mod load;
 mod metrics;
 mod misread;
 mod models;
+mod mqtt;
 mod oip;
 mod operate;
 mod proxy;
@@ -25,3 +27,4 @@ mod teaching;
 mod tls;
 mod trace;
 mod upload;
+mod webhooks;
