@@ -183,6 +183,8 @@ export const text = {
   publishAnyway: "Publish although it is worse",
   publishShadow: "Publish and run as shadow",
   publishShadowHint: "It sees what robots send and answers nobody; you see how often it agrees.",
+  publishFirst: "Publish and let it serve",
+  publishFirstHint: "No version of this model serves yet: this one answers robots from now on.",
   publishedToast: (version: string) => `${version} is published. It serves nobody yet.`,
   compareServing: "Compare in full",
 
