@@ -60,8 +60,8 @@ export function FramesView() {
   };
   const clear = () => setSelection({ ...there, names: new Set() });
 
-  const label = async (room: string) => {
-    const frames = asSeen(meant(there, names));
+  const label = async (room: string, chosen = meant(there, names)) => {
+    const frames = asSeen(chosen);
     const { set } = target;
     if (blocked !== undefined || set === undefined || frames.length === 0) return;
     try {
@@ -164,6 +164,7 @@ export function FramesView() {
                 key={focused.id}
                 frame={focused}
                 set={target.set}
+                onLabel={(room) => void label(room, [String(focused.id)])}
                 onEnlarge={() => setOpened(there.focus)}
               />
             )}
