@@ -8,6 +8,7 @@ import { Busy, ErrorNote } from "./components/layout";
 import { lazy } from "./components/lazy";
 import { toastError, Toasts } from "./components/toasts";
 import sign from "./favicon.svg";
+import { Corrections } from "./components/wrong";
 import { duration } from "./format";
 import { inboxOpen } from "./inbox-count";
 import LivePage from "./pages/live";
@@ -81,6 +82,7 @@ export function App() {
         {shown && page !== "code" && <Shown key={page} page={page} rest={rest} />}
         {state.kind === "out" && <SignIn before={state.before} codeFailed={codeFailed} />}
       </main>
+      <Corrections />
       <Confirmations />
       <Toasts />
     </div>

@@ -29,6 +29,7 @@ export const text = {
       .filter(Boolean)
       .join(" · "),
 
+  lostNow: (lost: number) => `${plural(lost, "robot")} lost`,
   none: "No robots yet",
   noneMore:
     "A robot appears here with its first frame: over a stream, or with its name in a request. To see how an answer looks without one, point this device's camera at a room.",
@@ -45,6 +46,7 @@ export const text = {
     `Rooms of the last ${minutes} minutes, newest first: ${rooms || "none"}`,
   stretch: (room: string, known: boolean, from: string, until: string) =>
     `${room}${known ? "" : " (not known)"}, ${from} to ${until}`,
+  wrongOf: (room: string, id: string) => `Wrong: ${room} of ${id}`,
   lost: "Lost",
   lostFor: (duration: string) => `Lost for ${duration}`,
   left: "Left",

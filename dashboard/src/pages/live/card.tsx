@@ -1,8 +1,9 @@
 import { useEffect } from "preact/hooks";
-import type { Robot } from "../../api/live";
+import { fetchFrame, type Robot } from "../../api/live";
 import { ProbabilityBars } from "../../components/bars";
 import { Badge } from "../../components/layout";
 import { Verdict } from "../../components/verdict";
+import { WrongButton } from "../../components/wrong";
 import { decimal, duration, milliseconds } from "../../format";
 import { href } from "../../route";
 import { text } from "../../texts/live";
@@ -50,6 +51,14 @@ export function RobotCard({ entry, every }: { entry: Entry; every: number }) {
           </a>
         </h2>
         <StateBadge robot={robot} />
+        {robot.room && robot.connected && (
+          <WrongButton
+            frame={() => fetchFrame(robot.id)}
+            answer={{ ...robot, room: robot.room }}
+            robot={robot.robot ?? undefined}
+            label={text.wrongOf(robot.room, robot.id)}
+          />
+        )}
       </header>
       <div class="robot-now">
         <LastFrame id={robot.id} every={every} width={THUMBNAIL_PX} class="robot-frame" />
