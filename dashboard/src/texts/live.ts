@@ -54,6 +54,8 @@ export const text = {
   inRoomFor: (duration: string) => `Here for ${duration}`,
   perSecond: (n: string) => `${n} frames/s`,
   age: (age: string) => `age ${age}`,
+  latency: (latency: string) => `answered in ${latency}`,
+  latencyMore: "From a frame’s arrival to its answer; its frames do not say when they were taken",
   ageMore: "Age of the last answer: from when the frame was taken to its answer",
   dropped: (n: number) => `${n.toLocaleString("en")} dropped`,
   noneDropped: "none dropped",

@@ -31,6 +31,15 @@ export function droppedOf({ frames }: Robot): { total: number; reasons: [string,
   return { total: reasons.reduce((sum, [, n]) => sum + n, 0), reasons };
 }
 
+/** How old its last answer is; where its frames are not dated, how long answering took. */
+function Age({ robot: { age_ms, latency_ms } }: { robot: Robot }) {
+  return age_ms === undefined || age_ms === null ? (
+    <span title={text.latencyMore}>{text.latency(milliseconds(latency_ms))}</span>
+  ) : (
+    <span title={text.ageMore}>{text.age(milliseconds(age_ms))}</span>
+  );
+}
+
 /** A robot at a glance. */
 export function RobotCard({ entry, every }: { entry: Entry; every: number }) {
   useEffect(() => {
@@ -68,7 +77,7 @@ export function RobotCard({ entry, every }: { entry: Entry; every: number }) {
       <RibbonBar ribbon={entry.ribbon} now={now.peek()} />
       <footer class="robot-foot number">
         <span>{text.perSecond(decimal(robot.frames_per_s))}</span>
-        <span title={text.ageMore}>{text.age(milliseconds(robot.age_ms ?? robot.latency_ms))}</span>
+        <Age robot={robot} />
         <span
           title={dropped.reasons
             .map(([reason, n]) => `${n}: ${text.dropReasons[reason] ?? reason}`)
