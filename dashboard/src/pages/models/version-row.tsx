@@ -97,6 +97,7 @@ export function Labels({ version }: { version: VersionInfo }) {
           {text.shadow}
         </Badge>
       )}
+      {labels.includes("previous") && <Badge title={text.previousHint}>{text.previous}</Badge>}
       {(state !== "ready" || labels.length === 0) && (
         <Badge kind={state === "failed" ? "bad" : undefined}>{text.states[state]}</Badge>
       )}
