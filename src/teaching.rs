@@ -3,7 +3,7 @@
 //! | file | what |
 //! |---|---|
 //! | `store` | the database: opened, brought up to date, copied |
-//! | `pictures` | pictures by their content, and small ones of them |
+//! | `pictures` | pictures by their content |
 //! | `sets` | data sets: folders that `train` reads; see there |
 //! | `inbox` | frames that the model doubted, and their labels; see there |
 //! | `trainings` | trainings, in processes of their own; see there |
@@ -35,15 +35,18 @@ mod trainings;
 
 pub use audit::Audit;
 pub use error::TeachingError;
-pub use inbox::Inbox;
+pub use inbox::{Inbox, InboxSize};
 pub use keys::{KeyMade, MadeKeys};
-pub use pictures::{small_picture, type_of};
+pub use pictures::type_of;
 pub use sets::{FrameFile, NewFrame, Place, Sets, check_room};
 pub use store::{DATABASE_FILE, Store};
 pub use trainings::{Trainer, Trainings};
 
 use crate::engine::Engine;
+use crate::engine::events::Events;
+use crate::engine::metrics::Metrics;
 use crate::settings::Settings;
+use roomsight_protocol::event::Event;
 use roomsight_protocol::sets::SetChange;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
@@ -102,11 +105,12 @@ impl Teaching {
         let (keeper, doubted) = sync_channel(N_DOUBTED);
         engine.doubts.connect(keeper);
         engine.doubts.adopt(&self.inbox.rule()?);
-        let inbox = self.inbox.clone();
+        self.tell_inbox(engine)?;
+        let (inbox, told) = (self.inbox.clone(), InboxTold::of(engine));
         let keep = move || {
             let mut was_kept = true;
             for frame in doubted {
-                let kept = inbox.keep(frame);
+                let kept = inbox.keep(frame).and_then(|_| told.tell(&inbox));
                 if let Err(error) = &kept
                     && was_kept
                 {
@@ -119,6 +123,14 @@ impl Teaching {
         thread.map(drop).map_err(TeachingError::io(Path::new("inbox")))
     }
 
+    /// Tells dashboards and metrics what is in the inbox.
+    ///
+    /// # Errors
+    /// A database that cannot be read.
+    pub fn tell_inbox(&self, engine: &Engine) -> Result<(), TeachingError> {
+        InboxTold::of(engine).tell(&self.inbox)
+    }
+
     /// Undoes a change of a data set.
     ///
     /// # Errors
@@ -127,6 +139,25 @@ impl Teaching {
         let change = self.sets.undo(set, id)?;
         self.inbox.forget_labels(set)?;
         Ok(change)
+    }
+}
+
+/// Who hears what is in the inbox.
+struct InboxTold {
+    events: Events,
+    metrics: Arc<Metrics>,
+}
+
+impl InboxTold {
+    fn of(engine: &Engine) -> Self {
+        Self { events: engine.events.clone(), metrics: engine.metrics.clone() }
+    }
+
+    fn tell(&self, inbox: &Inbox) -> Result<(), TeachingError> {
+        let InboxSize { open, open_bytes, .. } = inbox.size()?;
+        self.metrics.beside().inbox(open, open_bytes);
+        self.events.tell(Event::InboxChanged { open });
+        Ok(())
     }
 }
 

@@ -49,7 +49,7 @@ const models = new Map([
       versions: [
         version(4, { state: "failed", failure, history: [{ state: "failed", at: at() }] }),
         version(3, { labels: ["stable"] }),
-        version(2),
+        version(2, { labels: ["previous"] }),
         version(1, { state: "unloaded", history: [{ state: "unloaded", at: at() }] }),
       ],
     },
@@ -84,7 +84,10 @@ function told(model) {
 function serve(model, number) {
   model.before = model.serving;
   model.serving = number;
-  for (const one of model.versions) one.labels = one.labels.filter((label) => label !== "stable");
+  for (const one of model.versions) {
+    one.labels = one.labels.filter((label) => label !== "stable" && label !== "previous");
+    if (one.version === model.before) one.labels.push("previous");
+  }
   const one = model.versions.find(({ version }) => version === number);
   Object.assign(one, { labels: ["stable"], state: "ready" });
   delete one.share;

@@ -7,6 +7,8 @@ import { Icon } from "./components/icons";
 import { Busy, ErrorNote } from "./components/layout";
 import { lazy } from "./components/lazy";
 import { toastError, Toasts } from "./components/toasts";
+import sign from "./favicon.svg";
+import { Corrections } from "./components/wrong";
 import { duration } from "./format";
 import { inboxOpen } from "./inbox-count";
 import LivePage from "./pages/live";
@@ -66,7 +68,7 @@ export function App() {
       </a>
       <header class="side">
         <a class="brand" href={href("live")}>
-          <img src="./favicon.svg" alt="" />
+          <img src={sign} alt="" />
           {text.product}
         </a>
         <Navigation current={page} />
@@ -80,6 +82,7 @@ export function App() {
         {shown && page !== "code" && <Shown key={page} page={page} rest={rest} />}
         {state.kind === "out" && <SignIn before={state.before} codeFailed={codeFailed} />}
       </main>
+      <Corrections />
       <Confirmations />
       <Toasts />
     </div>

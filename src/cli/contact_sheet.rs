@@ -2,22 +2,19 @@
 
 use super::data;
 use crate::cli::manners::note;
+use crate::engine::thumbnails::thumbnail;
 use anyhow::Context;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use image::codecs::jpeg::JpegEncoder;
-use image::{RgbImage, imageops};
+use bytes::Bytes;
 use rayon::prelude::*;
 use roomsight_lab::page::{escape, page};
-use roomsight_vision::image::{Image, Limits};
+use roomsight_vision::image::Limits;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The longest side of a small picture, in pixels.
-const SIDE: u32 = 220;
-
-/// The quality of small pictures, from 1 to 100.
-const QUALITY: u8 = 80;
+/// The width of a small picture, in pixels.
+const WIDTH: u32 = 220;
 
 /// The most pictures of a section that are shown.
 const MAX_CARDS: usize = 200;
@@ -86,18 +83,8 @@ fn small(picture: &Path, limits: &Limits) -> String {
     }
 }
 
-fn encoded(picture: &Path, limits: &Limits) -> anyhow::Result<Vec<u8>> {
-    let image = Image::decode_with_colors(&data::read_encoded(picture, limits)?, limits)?;
-    let [width, height] = [image.width() as u32, image.height() as u32];
-    let gray = || image.pixels().iter().flat_map(|&pixel| [pixel; 3]).collect();
-    let colors = image.colors().map_or_else(gray, <[u8]>::to_vec);
-    let full = RgbImage::from_raw(width, height, colors).context("its colors are not those of its pixels")?;
-    let scale = f64::from(SIDE) / f64::from(width.max(height));
-    let side = |side: u32| ((f64::from(side) * scale).round() as u32).max(1);
-    let small = if scale < 1.0 { imageops::thumbnail(&full, side(width), side(height)) } else { full };
-    let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, QUALITY).encode_image(&small)?;
-    Ok(bytes)
+fn encoded(picture: &Path, limits: &Limits) -> anyhow::Result<Bytes> {
+    Ok(thumbnail(&data::read_encoded(picture, limits)?, WIDTH, *limits)?)
 }
 
 const STYLE: &str = "<style>

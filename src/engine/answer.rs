@@ -56,7 +56,8 @@ impl Why {
     }
 }
 
-fn unknown(why: model::Unknown) -> Unknown {
+/// Why an answer is not known, as it travels.
+pub fn unknown(why: model::Unknown) -> Unknown {
     match why {
         model::Unknown::Unsure => Unknown::Unsure,
         model::Unknown::NewPlace => Unknown::NewPlace,

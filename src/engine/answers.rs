@@ -1,6 +1,7 @@
 //! The frames of one request and their answers, whatever protocol brought them.
 
 use super::caller::CallerId;
+use super::doubts::{DoubtedAnswer, OtherRooms};
 use super::frame::Frame;
 use super::recognize::{Shown, Task};
 use super::robots::{LastAnswer, RobotRecord};
@@ -60,7 +61,12 @@ pub async fn answers(
     let waiting: Vec<_> = slots.into_iter().zip(frames).enumerate().map(begin).collect();
     let mut answers = Vec::with_capacity(waiting.len());
     for seen in waiting {
-        let answer = seen.await.map(|seen| answer::answer(seen, &asked.query, &asked.request_id));
+        let answer = seen.await.map(|seen| {
+            if let Some(doubtable) = &seen.doubtable {
+                engine.doubts.consider(doubtable, DoubtedAnswer::of(&seen), OtherRooms::default());
+            }
+            answer::answer(seen, &asked.query, &asked.request_id)
+        });
         let latency_ms = ms(asked.arrived.elapsed());
         match (&answer, &robot) {
             (Ok(answer), Some(robot)) => {

@@ -1,6 +1,9 @@
 //! Frames that the model doubted, for whoever keeps them: by a rule, so many of a robot at most, and never in the way of a
 //! frame.
 
+use crate::engine::answer::{by_probability, unknown};
+use crate::engine::recognize::Seen;
+use crate::engine::registry::ServedModel;
 use arc_swap::ArcSwapOption;
 use bytes::Bytes;
 use roomsight_protocol::inbox::{Doubt, InboxRule};
@@ -33,6 +36,13 @@ pub struct Sender {
     pub key: Option<Arc<str>>,
 }
 
+/// A frame that is kept if its answer is one to doubt.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Doubtable {
+    pub sender: Sender,
+    pub bytes: Bytes,
+}
+
 /// What was answered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct DoubtedAnswer {
@@ -44,6 +54,23 @@ pub struct DoubtedAnswer {
     pub probabilities: Vec<RoomProbability>,
     pub novelty: Option<f32>,
     pub model: PublishedVersion,
+}
+
+impl DoubtedAnswer {
+    /// Of what was seen in a frame.
+    pub fn of(seen: &Seen) -> Self {
+        let recognition = &seen.recognition;
+        let ServedModel { name, version, model, .. } = &*seen.served;
+        Self {
+            room: seen.room().to_owned(),
+            known: recognition.known,
+            unknown: recognition.unknown.map(unknown),
+            probability: recognition.probabilities[recognition.room_idx],
+            probabilities: by_probability(model.rooms(), &recognition.probabilities, Some(N_ROOMS)),
+            novelty: recognition.novelty,
+            model: PublishedVersion { name: name.clone(), version: *version },
+        }
+    }
 }
 
 /// A frame that is to be kept.
@@ -71,6 +98,13 @@ pub struct OtherRooms {
     pub shadow: Option<String>,
 }
 
+/// Whose time a frame takes. What a shadow doubts, which looks later, has a time of its own.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+struct Turn {
+    sender: Sender,
+    is_shadows: bool,
+}
+
 /// The frames that are doubted, on their way.
 #[derive(Default)]
 pub struct Doubts {
@@ -78,7 +112,7 @@ pub struct Doubts {
     rule: ArcSwapOption<InboxRule>,
     keeper: OnceLock<SyncSender<DoubtedFrame>>,
     /// When the last frame of each sender was kept.
-    last: Mutex<HashMap<Sender, Instant>>,
+    last: Mutex<HashMap<Turn, Instant>>,
     missed: AtomicU64,
 }
 
@@ -103,20 +137,23 @@ impl Doubts {
     /// Whether a frame of this sender would be kept now, where it is doubted.
     pub fn wants(&self, sender: &Sender) -> bool {
         let Some(rule) = &*self.rule.load() else { return false };
-        covers(rule, sender) && self.is_due(rule, sender, false)
+        let turn = |is_shadows| Turn { sender: sender.clone(), is_shadows };
+        covers(rule, sender) && [false, true].into_iter().any(|of| self.is_due(rule, &turn(of), false))
     }
 
     /// Keeps a frame of a sender, if its answer is one to doubt.
-    pub fn consider(&self, sender: &Sender, bytes: Bytes, answer: DoubtedAnswer, others: OtherRooms) {
+    pub fn consider(&self, doubtable: &Doubtable, answer: DoubtedAnswer, others: OtherRooms) {
+        let Doubtable { sender, bytes } = doubtable;
         let Some(rule) = &*self.rule.load() else { return };
         let reasons = reasons(rule.probability, &answer, &others);
-        if reasons.is_empty() || !self.is_due(rule, sender, true) {
+        let turn = Turn { sender: sender.clone(), is_shadows: others.shadow.is_some() };
+        if reasons.is_empty() || !self.is_due(rule, &turn, true) {
             return;
         }
         let value = value(&answer, &reasons);
         let text = |name: &Option<Arc<str>>| name.as_deref().map(str::to_owned);
         let doubted = DoubtedFrame {
-            bytes,
+            bytes: bytes.clone(),
             robot: text(&sender.robot),
             key: text(&sender.key),
             answer: DoubtedAnswer { probabilities: first(answer.probabilities), ..answer },
@@ -134,16 +171,16 @@ impl Doubts {
     }
 
     /// Whether so much time has passed since a frame of the sender was kept; `takes` it, if so.
-    fn is_due(&self, rule: &InboxRule, sender: &Sender, takes: bool) -> bool {
+    fn is_due(&self, rule: &InboxRule, turn: &Turn, takes: bool) -> bool {
         let now = Instant::now();
         let mut last = self.last.lock().unwrap_or_else(PoisonError::into_inner);
         let pause = Duration::try_from_secs_f64(rule.every_s).unwrap_or_default();
-        let is_due = last.get(sender).is_none_or(|&kept| now.duration_since(kept) >= pause);
+        let is_due = last.get(turn).is_none_or(|&kept| now.duration_since(kept) >= pause);
         if is_due && takes {
             if last.len() >= MAX_SENDERS {
                 last.clear();
             }
-            last.insert(sender.clone(), now);
+            last.insert(turn.clone(), now);
         }
         is_due
     }
@@ -233,6 +270,10 @@ mod tests {
         Sender { robot: Some(robot.into()), key: None }
     }
 
+    fn doubtable(robot: &str) -> Doubtable {
+        Doubtable { sender: sender(robot), bytes: Bytes::from_static(b"x") }
+    }
+
     #[test]
     fn a_frame_is_kept_for_its_reasons_of_whom_the_rule_covers_and_so_often() {
         let doubts = Doubts::default();
@@ -240,7 +281,7 @@ mod tests {
         doubts.connect(keeper);
         let consider = |robot: &str, answer, others| {
             if doubts.wants(&sender(robot)) {
-                doubts.consider(&sender(robot), Bytes::from_static(b"x"), answer, others);
+                doubts.consider(&doubtable(robot), answer, others);
             }
             kept.try_recv().ok().map(|frame| frame.reasons)
         };
@@ -254,7 +295,7 @@ mod tests {
         assert_eq!(reasons, Some(vec![Doubt::Unknown, Doubt::Torn]));
         assert_eq!(consider("eve", unsure(), OtherRooms::default()), None, "it comes too soon");
         doubts.adopt(&InboxRule { every_s: 0.0, ..rule });
-        let others = OtherRooms { filtered: Some("1".into()), shadow: Some("0".into()) };
+        let others = OtherRooms { filtered: Some("1".into()), shadow: None };
         let reasons = consider("eve", answer(true, &[0.45, 0.2]), others);
         assert_eq!(reasons, Some(vec![Doubt::Low, Doubt::FilterApart]));
     }
@@ -267,7 +308,7 @@ mod tests {
         doubts.adopt(&InboxRule { all: true, every_s: 0.0, ..InboxRule::default() });
         for _ in 0..3 {
             let unsure = answer(false, &[0.4, 0.3]);
-            doubts.consider(&sender("eve"), Bytes::from_static(b"x"), unsure, OtherRooms::default());
+            doubts.consider(&doubtable("eve"), unsure, OtherRooms::default());
         }
         assert_eq!(doubts.n_missed(), 2);
     }

@@ -1,6 +1,7 @@
 //! The one path from bytes to an answer, whatever brought the bytes.
 
 use crate::engine::Engine;
+use crate::engine::doubts::{Doubtable, DoubtedAnswer, OtherRooms, Sender};
 use crate::engine::frame::Frame;
 use crate::engine::metrics::{FrameOutcome, Transport};
 use crate::engine::pool::{Panicked, QueueFull, Slot, Undone};
@@ -30,6 +31,8 @@ pub struct Task {
     pub transport: Transport,
     /// Whose last frame it is, where it is to be kept.
     pub shown_for: Option<Shown>,
+    /// Who sends it, where it may be one to doubt.
+    pub sender: Option<Sender>,
 }
 
 /// A frame that is kept as the last one of a robot.
@@ -52,6 +55,8 @@ pub struct Seen {
     pub damaged_rows: usize,
     /// Where the time went.
     pub timings: Timings,
+    /// The frame, where it is to be kept if its answer is one to doubt.
+    pub doubtable: Option<Doubtable>,
 }
 
 impl Seen {
@@ -224,26 +229,33 @@ pub fn look(
     if let Some(Shown { robot, number }) = &task.shown_for {
         engine.robots.keep(robot, *number, || frame.lasting());
     }
+    let doubtable = task.sender.filter(|sender| engine.doubts.wants(sender));
+    let doubtable = doubtable.map(|sender| Doubtable { sender, bytes: frame.lasting() });
     drop(frame);
     if has_left() {
         return Err(RecognizeError::CallerLeft);
     }
     let mut seen = see(task.served, task.explain, &image);
     seen.timings.decode = decode_time;
+    seen.doubtable = doubtable;
     if let Some(permit) = engine.registry.permit_in_shadow(&seen.served) {
-        let (served, recognition) = (seen.served.clone(), seen.recognition.clone());
-        engine.pool.queue_shadow(move || compare(permit, &image, &served, &recognition));
+        let (seen, looking) = (seen.clone(), engine.clone());
+        engine.pool.queue_shadow(move || compare(&looking, permit, &image, seen));
     }
     Ok(seen)
 }
 
 /// Lets a shadow see a frame that was recognized, and notes whether it agrees.
-fn compare(permit: ShadowPermit, image: &Image, served: &Arc<ServedModel>, recognition: &Recognition) {
+fn compare(engine: &Engine, permit: ShadowPermit, image: &Image, seen: Seen) {
     let shadow = permit.shadow().served.clone();
-    let other = see(shadow.clone(), false, image).recognition;
-    let (rooms, other_rooms) = (served.model.rooms(), shadow.model.rooms());
-    let agrees = rooms[recognition.room_idx] == other_rooms[other.room_idx];
-    permit.compared(agrees, distance((rooms, recognition), (other_rooms, &other)));
+    let other = see(shadow.clone(), false, image);
+    let (rooms, other_rooms) = (seen.served.model.rooms(), shadow.model.rooms());
+    let agrees = seen.room() == other.room();
+    permit.compared(agrees, distance((rooms, &seen.recognition), (other_rooms, &other.recognition)));
+    if !agrees && let Some(doubtable) = &seen.doubtable {
+        let others = OtherRooms { shadow: Some(other.room().to_owned()), ..OtherRooms::default() };
+        engine.doubts.consider(doubtable, DoubtedAnswer::of(&seen), others);
+    }
 }
 
 fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
@@ -257,7 +269,8 @@ fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
         pose: model.pose(&features),
     });
     let timings = Timings { features: features_time, classify, ..Timings::default() };
-    Seen { recognition, why, damaged_rows: image.damaged_rows(), timings, served }
+    let damaged_rows = image.damaged_rows();
+    Seen { recognition, why, damaged_rows, timings, served, doubtable: None }
 }
 
 /// Lends this thread's working memory for frames of one model. A job that panics takes the memory

@@ -1,16 +1,19 @@
 //! Pictures that are kept, as answers.
 
+use crate::engine::aside::aside;
+use crate::engine::recognize::RecognizeError;
+use crate::engine::thumbnails::thumbnail;
 use crate::http::App;
 use crate::http::blocking::blocking;
-use crate::problem::{Kind, Problem};
-use crate::teaching::{FrameFile, small_picture};
+use crate::problem::Problem;
+use crate::teaching::FrameFile;
 use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::{IntoResponse, Response};
 use std::ops::RangeInclusive;
 
 /// How wide small pictures may be, in pixels.
-pub const WIDTHS: RangeInclusive<u32> = 16..=1920;
+const WIDTHS: RangeInclusive<u32> = 16..=1920;
 
 /// A frame's picture rarely changes under its name.
 const CACHED: &str = "private, max-age=3600";
@@ -25,12 +28,7 @@ pub async fn answer(
     width: Option<u32>,
     read: impl FnOnce(&App) -> Result<FrameFile, Problem> + Send + 'static,
 ) -> Result<Response, Problem> {
-    if width.is_some_and(|width| !WIDTHS.contains(&width)) {
-        let (least, most) = (WIDTHS.start(), WIDTHS.end());
-        return Err(Problem::query(format!(
-            "`width` must be from {least} to {most}; left out, the file is sent as it is"
-        )));
-    }
+    check_width(width)?;
     let known = headers.get(IF_NONE_MATCH).cloned();
     let make = move |app: &App| {
         let FrameFile { bytes, media_type } = read(app)?;
@@ -40,9 +38,9 @@ pub async fn answer(
             return Ok::<_, Problem>((tag, None));
         }
         let Some(width) = width else { return Ok((tag, Some((media_type, bytes)))) };
-        let small = small_picture(&bytes, width, &app.engine.settings.frame_limits());
-        let small = small.map_err(|error| Problem::new(Kind::NotAnImage, error))?;
-        Ok((tag, Some(("image/jpeg", small))))
+        let limits = app.engine.settings.frame_limits();
+        let small = aside(|| thumbnail(&bytes, width, limits)).map_err(RecognizeError::from)?;
+        Ok((tag, Some(("image/jpeg", small.into()))))
     };
     let (tag, picture) = blocking(app, make).await?;
     let shared = [(ETAG, tag), (CACHE_CONTROL, CACHED.to_owned())];
@@ -50,4 +48,18 @@ pub async fn answer(
         Some((media_type, bytes)) => (shared, [(CONTENT_TYPE, media_type)], bytes).into_response(),
         None => (StatusCode::NOT_MODIFIED, shared).into_response(),
     })
+}
+
+/// Holds that a small picture can be so wide.
+///
+/// # Errors
+/// It cannot.
+pub fn check_width(width: Option<u32>) -> Result<(), Problem> {
+    if width.is_none_or(|width| WIDTHS.contains(&width)) {
+        return Ok(());
+    }
+    let (least, most) = (WIDTHS.start(), WIDTHS.end());
+    Err(Problem::query(format!(
+        "`width` must be from {least} to {most} pixels; left out, the file is sent as it is"
+    )))
 }

@@ -3,6 +3,7 @@
 use crate::access::Key;
 use crate::engine::answers::Asked;
 use crate::engine::caller::CallerId;
+use crate::engine::doubts::Sender;
 use crate::engine::metrics::Transport;
 use crate::engine::recognize::Task;
 use crate::engine::registry::Choice;
@@ -95,6 +96,10 @@ impl Asked {
             explain: query.explain,
             transport: caller.transport,
             shown_for: None,
+            sender: Some(Sender {
+                robot: robot.map(Into::into),
+                key: caller.key.as_ref().map(|key| key.name().into()),
+            }),
         };
         let id = caller.id.with_robot(query.robot.as_deref());
         let RequestContext { id: request_id, arrived } = caller.context;

@@ -108,8 +108,8 @@ fn is_told(event: &Event) -> bool {
         Event::Answer(_)
         | Event::RobotJoined(_)
         | Event::RobotLeft(_)
-        | Event::SetChanged { .. }
         | Event::InboxChanged { .. }
+        | Event::SetChanged { .. }
         | Event::Lost { .. } => false,
     }
 }

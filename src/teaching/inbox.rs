@@ -43,6 +43,16 @@ pub struct Inbox {
     changing: Mutex<()>,
 }
 
+/// How much there is in the inbox.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct InboxSize {
+    pub frames: u64,
+    pub bytes: u64,
+    /// Those without a label.
+    pub open: u64,
+    pub open_bytes: u64,
+}
+
 /// A frame as it is kept.
 struct Kept {
     frame: InboxFrame,

@@ -41,20 +41,22 @@ pub enum Event {
     RoomChanged(RoomChange),
     /// A training began or ended.
     Training {
-        /// Which.
+        /// Its number.
         id: i64,
-        /// How far it is.
+        /// The model's name.
+        model: String,
+        /// How far it has come.
         state: TrainingState,
+    },
+    /// Frames came into the inbox, got labels, or went.
+    InboxChanged {
+        /// How many have no label now.
+        open: u64,
     },
     /// A data set was changed.
     SetChanged {
         /// Its name.
         set: String,
-    },
-    /// Frames came to the inbox or left it.
-    InboxChanged {
-        /// How many wait for a label.
-        open: u64,
     },
     /// This reader was too slow: the oldest events that it had not read are gone.
     Lost {

@@ -71,14 +71,17 @@ pub struct InboxState {
 #[cfg_attr(feature = "schema", into_params(parameter_in = Query))]
 pub struct InboxQuery {
     /// Those without a label, those with one, or all; left out: those without.
+    #[cfg_attr(feature = "schema", param(inline))]
     pub state: InboxFilter,
     /// Those that were kept for this reason.
+    #[cfg_attr(feature = "schema", param(inline))]
     pub reason: Option<Doubt>,
     /// Those of this robot.
     pub robot: Option<String>,
     /// Those that were answered with this room.
     pub room: Option<String>,
     /// In which order; left out: what teaches most first.
+    #[cfg_attr(feature = "schema", param(inline))]
     pub sort: InboxOrder,
     /// How many to pass over, which the last answer told as `next`.
     pub after: Option<u64>,

@@ -17,6 +17,7 @@ const FIRST_RETRY_MS = 1000;
 const LONGEST_RETRY_MS = 15_000;
 const SILENCE_MS = 8000;
 const POLL_MS = 2000;
+const POLLS = 30;
 
 /**
  * Reads server-sent events until it is stopped: reconnects where the connection breaks, and asks instead where no event
@@ -44,12 +45,13 @@ export function openFeed(options: FeedOptions): () => void {
     retry = Math.min(retry * 2, LONGEST_RETRY_MS);
   };
 
-  const ask = async () => {
+  const ask = async (round = 0) => {
     try {
       await options.poll?.();
       if (stopped || document.hidden) return;
       tell("polling");
-      timer = setTimeout(() => void ask(), POLL_MS);
+      // Now and then events are tried again.
+      timer = setTimeout(() => (round < POLLS ? void ask(round + 1) : connect()), POLL_MS);
     } catch {
       if (!stopped && !document.hidden) again();
     }
@@ -76,11 +78,11 @@ export function openFeed(options: FeedOptions): () => void {
       if (!options.poll) heard();
     });
     source.addEventListener("error", () => {
-      // The first poll also tells whether the session has ended.
-      if (options.poll && source?.readyState === EventSource.CLOSED) {
-        close();
-        void options.poll().then(again, again);
-      } else again();
+      // It was refused: asking also tells whether the session has ended.
+      const isRefused = source?.readyState === EventSource.CLOSED;
+      close();
+      if (options.poll && isRefused) void ask();
+      else again();
     });
     if (options.poll) {
       timer = setTimeout(() => {

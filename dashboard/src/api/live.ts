@@ -1,4 +1,4 @@
-import { address, call, part } from "./client";
+import { address, call, fetchFrom, part } from "./client";
 import type { FramePose, RoomProbability, TimingsMs, Unknown } from "./recognize";
 
 export interface FrameCounts {
@@ -76,6 +76,12 @@ export const listRobots = async (signal?: AbortSignal) =>
 
 export const getRobot = (id: string, signal?: AbortSignal) =>
   call<RobotInfo>(`v1/robots/${part(id)}`, { signal });
+
+/** Its last frame as the robot sent it. */
+export async function fetchFrame(id: string): Promise<Blob> {
+  const response = await fetchFrom(frameAddress(id), { headers: { Accept: "image/*" } });
+  return await response.blob();
+}
 
 /** The address of its last frame; without a width the picture as the robot sent it. */
 export const frameAddress = (id: string, width?: number) =>

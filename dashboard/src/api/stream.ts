@@ -17,21 +17,14 @@ export interface StreamResult extends Answer {
   filtered?: Filtered | null;
 }
 
-interface Hello {
-  stream: string;
-  rooms: string[];
-}
-
 type ServerMessage =
-  | ({ type: "hello" } & Hello)
   | ({ type: "result" } & StreamResult)
   | { type: "dropped"; seq: number; reason: string }
   | { type: "error"; seq: number; problem: { detail: string } }
-  | { type: "model_changed"; rooms: string[] }
-  | { type: "configured" | "draining" };
+  | { type: "hello" | "model_changed" | "configured" | "draining" };
 
 export interface StreamListener {
-  onRooms: (rooms: string[]) => void;
+  onHello: () => void;
   onResult: (result: StreamResult) => void;
   /** A frame that was not answered: why. */
   onRefused: (reason: string) => void;
@@ -76,11 +69,8 @@ export class FrameStream {
 function hear(message: ServerMessage, listener: StreamListener): void {
   switch (message.type) {
     case "hello":
-      listener.onRooms(message.rooms);
+      listener.onHello();
       listener.onReady();
-      break;
-    case "model_changed":
-      listener.onRooms(message.rooms);
       break;
     case "result":
       listener.onResult(message);

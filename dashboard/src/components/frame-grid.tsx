@@ -1,5 +1,5 @@
 import type { ComponentChildren } from "preact";
-import { useEffect, useId, useLayoutEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useId, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import { text } from "../texts/frames";
 import "./frame-grid.css";
 import { clicked, pressed, type Held, type Selection } from "./selection";
@@ -42,6 +42,13 @@ export interface FrameGridProps {
   onDrag?: (names: readonly string[]) => void;
 }
 
+interface Box {
+  width: number;
+  height: number;
+  /** Where the first row in view begins. */
+  top: number;
+}
+
 const GAP = 8;
 
 const held = (event: MouseEvent | KeyboardEvent): Held => ({
@@ -53,19 +60,25 @@ const held = (event: MouseEvent | KeyboardEvent): Held => ({
 export function FrameGrid(props: FrameGridProps) {
   const { names, total, selection, captionHeight = 0, tileWidth = 148 } = props;
   const scroller = useRef<HTMLUListElement>(null);
-  const [box, setBox] = useState({ width: 0, height: 0, top: 0 });
+  const [box, setBox] = useState<Box>({ width: 0, height: 0, top: 0 });
   const id = useId();
+  const latest = useRef(props);
+  latest.current = props;
   const grid = gridOf(total, box.width, tileWidth, GAP, captionHeight);
   const drawn = windowOf(grid, total, box.top, box.height);
 
   useLayoutEffect(() => {
     const element = scroller.current;
     if (!element) return undefined;
+    const { rowHeight } = grid;
     const measure = () =>
-      setBox({
-        width: element.clientWidth - 2 * GAP,
-        height: element.clientHeight,
-        top: element.scrollTop,
+      setBox((before) => {
+        const width = element.clientWidth - 2 * GAP;
+        const height = element.clientHeight;
+        // Only a row that comes into view changes what is drawn.
+        const top = Math.floor(element.scrollTop / rowHeight) * rowHeight;
+        const isSame = before.width === width && before.height === height && before.top === top;
+        return isSame ? before : { width, height, top };
       });
     const observer = new ResizeObserver(measure);
     observer.observe(element);
@@ -74,7 +87,7 @@ export function FrameGrid(props: FrameGridProps) {
       observer.disconnect();
       element.removeEventListener("scroll", measure);
     };
-  }, []);
+  }, [grid.rowHeight]);
 
   useEffect(() => {
     if (drawn.end > names.length) props.onNeed(drawn.end - 1);
@@ -124,18 +137,22 @@ export function FrameGrid(props: FrameGridProps) {
       {box.width > 0 &&
         indices(drawn).map((index) => {
           const name = names[index];
-          const place = placeOf(grid, index);
           if (name === undefined) {
+            const place = placeOf(grid, index);
             return <li key={index} class="frame waiting" role="presentation" style={place} />;
           }
           return (
             <FrameTile
               key={name}
-              {...props}
               id={`${id}-${index}`}
               index={index}
               name={name}
-              place={place}
+              total={total}
+              grid={grid}
+              tile={props.tile}
+              isSelected={selection.names.has(name)}
+              isFocused={selection.focus === index}
+              latest={latest}
             />
           );
         })}
@@ -158,70 +175,82 @@ function placeOf(grid: Grid, index: number) {
   };
 }
 
-interface FrameTileProps extends FrameGridProps {
+interface FrameTileProps {
   id: string;
   index: number;
   name: string;
-  place: Record<string, string>;
+  total: number;
+  grid: Grid;
+  tile: FrameGridProps["tile"];
+  isSelected: boolean;
+  isFocused: boolean;
+  latest: { current: FrameGridProps };
 }
 
-function FrameTile({ id, index, name, place, ...props }: FrameTileProps) {
-  const { selection, names, total } = props;
-  const { picture, label, caption, mark } = props.tile(name, index);
-  const isSelected = selection.names.has(name);
+function FrameTile(props: FrameTileProps) {
+  const { id, index, name, total, grid, tile, isSelected, isFocused, latest } = props;
   const [isMissing, setMissing] = useState(false);
 
   const whenClicked = (event: MouseEvent) => {
+    const { selection, names, onSelect } = latest.current;
     // A finger has no ctrl key, and the mark in the corner does what ctrl does.
     const isFinger = (event as PointerEvent).pointerType === "touch";
     const isMark = (event.target as Element).closest(".frame-check") !== null;
     const keys = held(event);
     const ctrl = keys.ctrl || isFinger || (isMark && !keys.shift);
-    props.onSelect(clicked(selection, names, index, { ...keys, ctrl }));
+    onSelect(clicked(selection, names, index, { ...keys, ctrl }));
   };
 
   const whenDragged = (event: DragEvent) => {
-    const dragged = isSelected ? names.filter((one) => selection.names.has(one)) : [name];
-    if (!isSelected) {
-      props.onSelect({ names: new Set(dragged), focus: index, anchor: index });
-    }
+    const { selection, names, onSelect, onDrag } = latest.current;
+    const isOne = !selection.names.has(name);
+    const dragged = isOne ? [name] : names.filter((other) => selection.names.has(other));
+    if (isOne) onSelect({ names: new Set(dragged), focus: index, anchor: index });
     event.dataTransfer?.setData(FRAMES_TYPE, String(dragged.length));
     if (event.dataTransfer) event.dataTransfer.effectAllowed = "move";
-    props.onDrag?.(dragged);
+    onDrag?.(dragged);
   };
 
-  const state = [isSelected && "selected", selection.focus === index && "focused"];
-  return (
-    <li
-      id={id}
-      class={["frame", ...state].filter(Boolean).join(" ")}
-      style={place}
-      role="option"
-      aria-selected={isSelected}
-      aria-label={label}
-      aria-posinset={index + 1}
-      aria-setsize={total}
-      draggable={props.onDrag !== undefined}
-      onClick={whenClicked}
-      onDblClick={() => props.onOpen?.(name)}
-      onDragStart={whenDragged}
-    >
-      <span class="frame-picture">
-        {isMissing ? (
-          <span class="missing">{text.pictureMissing}</span>
-        ) : (
-          <img
-            src={picture}
-            alt=""
-            draggable={false}
-            decoding="async"
-            onError={() => setMissing(true)}
-          />
-        )}
-        <span class="frame-check" aria-hidden="true" />
-        {mark}
-      </span>
-      {caption !== undefined && <span class="frame-caption">{caption}</span>}
-    </li>
-  );
+  const isDraggable = latest.current.onDrag !== undefined;
+  // While the list scrolls, most of what is in view stays as it is.
+  return useMemo(() => {
+    const { picture, label, caption, mark } = tile(name, index);
+    const state = [isSelected && "selected", isFocused && "focused"];
+    return (
+      <li
+        id={id}
+        class={["frame", ...state].filter(Boolean).join(" ")}
+        style={placeOf(grid, index)}
+        role="option"
+        aria-selected={isSelected}
+        aria-label={label}
+        aria-posinset={index + 1}
+        aria-setsize={total}
+        draggable={isDraggable}
+        onClick={whenClicked}
+        onDblClick={() => latest.current.onOpen?.(name)}
+        onDragStart={whenDragged}
+      >
+        <span class="frame-picture">
+          {isMissing ? (
+            <span class="missing">{text.pictureMissing}</span>
+          ) : (
+            <img
+              src={picture}
+              alt=""
+              draggable={false}
+              decoding="async"
+              onError={() => setMissing(true)}
+            />
+          )}
+          <span class="frame-check" aria-hidden="true" />
+          {mark}
+        </span>
+        {caption !== undefined && <span class="frame-caption">{caption}</span>}
+      </li>
+    );
+  }, [
+    ...[id, index, name, total, grid.columns, grid.width, grid.rowHeight, tile],
+    ...[isSelected, isFocused, isMissing, isDraggable],
+  ]);
 }

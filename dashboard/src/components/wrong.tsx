@@ -1,7 +1,10 @@
+import { signal } from "@preact/signals";
 import { useEffect, useId, useMemo, useState } from "preact/hooks";
 import { sendCorrection } from "../api/inbox";
+import type { RoomProbability } from "../api/recognize";
 import { ELSEWHERE } from "../api/sets";
 import { useAction } from "../hooks";
+import { mapOf } from "../model-map";
 import { roomClass } from "../rooms";
 import { blockedForData } from "../session";
 import { text } from "../texts/common";
@@ -13,51 +16,80 @@ import { toast, toastError } from "./toasts";
 interface WrongProps {
   /** The frame that was answered, as it was when the button was pressed. */
   frame: () => Promise<Blob | undefined>;
+  /** What was answered, and by whom. */
+  answer: { room: string; probabilities: RoomProbability[]; model?: Version | null };
+  robot?: string;
+  /** On a card: small, and with words of its own for those who do not see which card it is on. */
+  label?: string;
+}
+
+interface Version {
+  name: string;
+  version: number;
+}
+
+interface Taken {
+  frame: Blob;
   room: string;
   /** All rooms that it could be. */
   rooms: readonly string[];
   robot?: string;
-  compact?: boolean;
 }
 
+const correcting = signal<Taken | undefined>(undefined);
+
 /** Beside an answer: says that it is wrong, and sends its frame to the inbox. */
-export function WrongButton(props: WrongProps) {
-  const [taken, setTaken] = useState<{ frame: Blob; room: string }>();
-  const { room } = props;
+export function WrongButton({ frame, answer, robot, label }: WrongProps) {
   const open = useAction(async () => {
-    const frame = await props.frame().catch((error: unknown) => toastError(error));
-    if (frame) setTaken({ frame, room });
-    else toast({ text: text.wrongNoFrame, kind: "bad" });
+    try {
+      const taken = await frame();
+      if (taken) {
+        correcting.value = {
+          frame: taken,
+          room: answer.room,
+          rooms: await roomsOf(answer),
+          robot,
+        };
+      } else toast({ text: text.wrongNoFrame, kind: "bad" });
+    } catch (error) {
+      toastError(error);
+    }
   });
   return (
-    <>
-      <Button
-        compact={props.compact}
-        blocked={blockedForData("admin")}
-        busy={open.busy}
-        onClick={() => void open.run()}
-      >
-        {text.wrong}
-      </Button>
-      {taken && (
-        <WrongDialog
-          {...taken}
-          rooms={props.rooms}
-          robot={props.robot}
-          onClose={() => setTaken(undefined)}
-        />
-      )}
-    </>
+    <Button
+      compact={label !== undefined}
+      kind={label === undefined ? undefined : "plain"}
+      label={label}
+      blocked={blockedForData("admin")}
+      busy={open.busy}
+      onClick={() => void open.run()}
+    >
+      {text.wrong}
+    </Button>
   );
 }
 
-function WrongDialog(props: {
-  frame: Blob;
-  room: string;
-  rooms: readonly string[];
-  robot?: string;
-  onClose: () => void;
-}) {
+/** Shows what a `WrongButton` opens; once in the page, since cards come and go. */
+export function Corrections() {
+  const taken = correcting.value;
+  if (!taken) return null;
+  const close = () => {
+    correcting.value = undefined;
+  };
+  return <WrongDialog {...taken} onClose={close} />;
+}
+
+/** All rooms that the model of an answer tells apart; those that it named where the model is gone. */
+async function roomsOf({ model, probabilities }: WrongProps["answer"]): Promise<string[]> {
+  const named = probabilities.map(({ room }) => room);
+  if (!model) return named;
+  return await mapOf(model).then(
+    ({ rooms }) => rooms,
+    () => named,
+  );
+}
+
+function WrongDialog(props: Taken & { onClose: () => void }) {
   const { frame, room, robot } = props;
   const name = useId();
   const [right, setRight] = useState("");

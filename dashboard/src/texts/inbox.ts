@@ -71,6 +71,7 @@ export const text = {
 
   panel: "The focused frame",
   said: (room: string) => `Somebody says that it shows ${room}.`,
+  labelSaid: (room: string) => `Label it ${room}`,
   filteredRoom: (room: string) => `The frames before together say ${room}.`,
   shadowRoom: (room: string) => `The shadow says ${room}.`,
   labelOf: (room: string, set: string, by: string, at: string) =>

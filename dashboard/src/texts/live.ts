@@ -29,6 +29,7 @@ export const text = {
       .filter(Boolean)
       .join(" · "),
 
+  lostNow: (lost: number) => `${plural(lost, "robot")} lost`,
   none: "No robots yet",
   noneMore:
     "A robot appears here with its first frame: over a stream, or with its name in a request. To see how an answer looks without one, point this device's camera at a room.",
@@ -45,6 +46,7 @@ export const text = {
     `Rooms of the last ${minutes} minutes, newest first: ${rooms || "none"}`,
   stretch: (room: string, known: boolean, from: string, until: string) =>
     `${room}${known ? "" : " (not known)"}, ${from} to ${until}`,
+  wrongOf: (room: string, id: string) => `Wrong: ${room} of ${id}`,
   lost: "Lost",
   lostFor: (duration: string) => `Lost for ${duration}`,
   left: "Left",
@@ -52,6 +54,8 @@ export const text = {
   inRoomFor: (duration: string) => `Here for ${duration}`,
   perSecond: (n: string) => `${n} frames/s`,
   age: (age: string) => `age ${age}`,
+  latency: (latency: string) => `answered in ${latency}`,
+  latencyMore: "From a frame’s arrival to its answer; its frames do not say when they were taken",
   ageMore: "Age of the last answer: from when the frame was taken to its answer",
   dropped: (n: number) => `${n.toLocaleString("en")} dropped`,
   noneDropped: "none dropped",

@@ -19,7 +19,7 @@ export const text = {
   makeDefault: "Make default",
   madeDefault: (model: string) => `${model} answers requests that name no model.`,
   rollBack: "Roll back",
-  rollBackHint: "The version that served before serves again, at once.",
+  rollBackTo: (version: number) => `Roll back to ${version}`,
   rolledBack: (model: string) => `${model} was rolled back.`,
   train: "Train …",
   trainTitle: (model: string) => `Train ${model}`,
@@ -35,6 +35,8 @@ export const text = {
   canaryHint: (share: string) => `It answers ${share} of the robots; each stays with its version.`,
   shadow: "Shadow",
   shadowHint: "It sees what the stable version sees, and answers nobody.",
+  previous: "Previous",
+  previousHint: "It served before: rolling back lets it serve again.",
   states: {
     discovered: "Found",
     verifying: "Being verified",
@@ -183,6 +185,8 @@ export const text = {
   publishAnyway: "Publish although it is worse",
   publishShadow: "Publish and run as shadow",
   publishShadowHint: "It sees what robots send and answers nobody; you see how often it agrees.",
+  publishFirst: "Publish and let it serve",
+  publishFirstHint: "No version of this model serves yet: this one answers robots from now on.",
   publishedToast: (version: string) => `${version} is published. It serves nobody yet.`,
   compareServing: "Compare in full",
 

@@ -91,6 +91,7 @@ export const text = {
   keysOpen:
     "This service asks nobody for a key: whoever reaches it may do everything. The first key that is made here is an admin’s; from then on everybody needs one, and you stay signed in.",
   keysNone: "No keys",
+  keysNotHere: "No keys are kept here",
   keysRefused: "Keys are shown to admins.",
   keyName: "Name",
   keyNameHint: "Who or what will use it, such as vacuum or anna.",
@@ -123,6 +124,7 @@ export const text = {
   toldDone: "I have it",
 
   auditLead: "Every change of models, data sets, the inbox and keys, the newest first.",
+  auditNotHere: "Changes are not kept here",
   auditNone: "Nothing was changed yet",
   when: "When",
   who: "Who",

@@ -170,6 +170,7 @@ export const text = {
     plenty: "That is plenty. Finish, and record the next room.",
   },
   recordWaiting: "Wait: pictures are still on their way.",
+  recordHeld: "Stopped: pictures cannot be kept.",
   recordStarting: "Starting the camera …",
   recordMore: (n: number) => `${n} more different views are enough.`,
   recordEnough: "Enough. A few more from other corners still help.",

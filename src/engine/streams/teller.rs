@@ -7,6 +7,7 @@ use super::message::text;
 use super::moment::{Elapsed, Moment};
 use crate::engine::Engine;
 use crate::engine::answer::{answer, by_probability};
+use crate::engine::doubts::{DoubtedAnswer, OtherRooms};
 use crate::engine::recognize::Seen;
 use crate::engine::registry::ServedModel;
 use crate::engine::robots::RobotRecord;
@@ -81,6 +82,11 @@ impl Teller {
         let notice = filtered.as_ref().and_then(|filtered| self.notice(filtered.elapsed));
         let query =
             RecognizeQuery { robot: settings.robot.clone(), top: settings.top, ..RecognizeQuery::default() };
+        if let Some(doubtable) = &seen.doubtable {
+            let room = filtered.as_ref().map(|filtered| filtered.told.room.clone());
+            let others = OtherRooms { filtered: room, ..OtherRooms::default() };
+            engine.doubts.consider(doubtable, DoubtedAnswer::of(&seen), others);
+        }
         let answer = answer(seen, &query, &self.stream);
         let filtered = filtered.map(|filtered| filtered.told);
         let age_ms = Moment::of(frame).age_ms();

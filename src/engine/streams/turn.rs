@@ -3,6 +3,7 @@
 use super::lane::{Lane, Taken, Waiting};
 use super::ledger::Outcome;
 use crate::engine::Engine;
+use crate::engine::doubts::Sender;
 use crate::engine::frame::Frame;
 use crate::engine::metrics::Transport;
 use crate::engine::pool::Panicked;
@@ -62,7 +63,9 @@ impl Turn {
             (Ok(served), Some(frame)) => {
                 let shown_for = Some(Shown { robot: self.record.clone(), number });
                 let (explain, transport) = (self.explain, Transport::Stream);
-                let task = Task { served, deadline, explain, transport, shown_for };
+                let key = self.record.key().map(|key| key.name().into());
+                let sender = Some(Sender { robot: self.robot.as_deref().map(Into::into), key });
+                let task = Task { served, deadline, explain, transport, shown_for, sender };
                 let frame = frame.after(n_header_bytes);
                 span.in_scope(|| see(&self.engine, frame, task, queue))
             }

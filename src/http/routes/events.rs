@@ -58,8 +58,8 @@ fn as_sent(event: &Event) -> sse::Event {
         Event::RobotFound(_) => "robot_found",
         Event::RoomChanged(_) => "room_changed",
         Event::Training { .. } => "training",
-        Event::SetChanged { .. } => "set_changed",
         Event::InboxChanged { .. } => "inbox_changed",
+        Event::SetChanged { .. } => "set_changed",
         Event::Lost { .. } => "lost",
     };
     // Plain values always have a JSON form.

@@ -10,13 +10,14 @@ use crate::http::openapi::{AddProblems, FrameProblems, ImageBytes, TeachingProbl
 use crate::http::picture;
 use crate::http::query::Caller;
 use crate::problem::Problem;
-use crate::teaching::{TeachingError, check_room};
+use crate::teaching::{InboxSize, TeachingError, check_room};
 use axum::Json;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use roomsight_protocol::audit::Deed;
+use roomsight_protocol::event::Event;
 use roomsight_protocol::inbox::{
     DiscardJson, Discarded, InboxFrame, InboxList, InboxQuery, InboxRule, InboxState, LabeledFrames,
     LabelsJson, WidthQuery, WrongQuery,
@@ -49,6 +50,7 @@ pub async fn set_rule(State(app): State<App>, by: By, request: Request) -> Resul
     let state = blocking(&app, move |app| {
         app.teaching()?.inbox.set_rule(&rule)?;
         app.engine.doubts.adopt(&rule);
+        app.teaching()?.tell_inbox(&app.engine)?;
         let whom = match (rule.all, rule.robots.len() + rule.keys.len()) {
             (true, _) => "all callers".to_owned(),
             (false, 0) => "nobody".to_owned(),
@@ -62,7 +64,7 @@ pub async fn set_rule(State(app): State<App>, by: By, request: Request) -> Resul
 
 fn state(app: &App) -> Result<InboxState, TeachingError> {
     let inbox = &app.teaching()?.inbox;
-    let (frames, bytes) = inbox.size()?;
+    let InboxSize { frames, bytes, .. } = inbox.size()?;
     Ok(InboxState { rule: inbox.rule()?, frames, bytes, missed: app.engine.doubts.n_missed() })
 }
 
@@ -131,15 +133,18 @@ pub async fn add_wrong(
         query.map_err(|error| Problem::query(error.body_text()))?;
     app.teaching()?;
     let said = right.as_deref().map(check_room).transpose()?;
-    let bytes = frame.bytes.clone();
+    let bytes = frame.lasting();
     // Not in the name of the robot, which has not sent it again.
     let query = RecognizeQuery { model, ..RecognizeQuery::default() };
-    let asked = Asked::new(&app, query, caller)?;
+    let mut asked = Asked::new(&app, query, caller)?;
+    // It is kept in any case.
+    asked.task.sender = None;
     let answer = answers(app.engine.clone(), asked, vec![frame]).await?.remove(0)?;
     let doubted = wrong(bytes, robot, None, doubted_answer(answer));
     let doubted = DoubtedFrame { said, ..doubted };
     let kept = blocking(&app, move |app| {
         let kept = app.teaching()?.inbox.keep(doubted)?;
+        app.teaching()?.tell_inbox(&app.engine)?;
         let target = kept.robot.clone().unwrap_or_default();
         by.did(app, Deed::Wrong, &target, &format!("{} as frame {} of the inbox", kept.room, kept.id));
         Ok::<_, Problem>(kept)
@@ -169,6 +174,8 @@ pub async fn label_frames(
         let n_labeled = labeled.labeled.len();
         if n_labeled > 0 {
             by.did(app, Deed::LabelFrames, &wanted.set, &format!("{n_labeled} as {}", wanted.room));
+            app.teaching()?.tell_inbox(&app.engine)?;
+            app.engine.events.tell(Event::SetChanged { set: wanted.set.clone() });
             app.trainer()?.labeled(&wanted.set, n_labeled);
         }
         Ok::<_, Problem>(Json(labeled))
@@ -187,7 +194,13 @@ pub async fn label_frames(
 pub async fn discard_frames(State(app): State<App>, request: Request) -> Result<Json<Discarded>, Problem> {
     let empty = || BodyError::Malformed("send the frames as JSON".to_owned());
     let DiscardJson { frames } = read_json(&app, request).await?.ok_or_else(empty)?;
-    let discarded = blocking(&app, move |app| app.teaching()?.inbox.discard(&frames)).await?;
+    let discarded = blocking(&app, move |app| {
+        let teaching = app.teaching()?;
+        let discarded = teaching.inbox.discard(&frames)?;
+        teaching.tell_inbox(&app.engine)?;
+        Ok::<_, TeachingError>(discarded)
+    })
+    .await?;
     Ok(Json(Discarded { discarded }))
 }
 

@@ -6,7 +6,9 @@ use crate::engine::thumbnails::ThumbnailKey;
 use crate::http::App;
 use crate::http::blocking::blocking;
 use crate::http::openapi::{FramePictureProblems, ImageBytes, RobotProblems, ViewerProblems};
+use crate::http::picture::check_width;
 use crate::problem::{Kind, Problem};
+use crate::teaching::type_of;
 use axum::Json;
 use axum::body::Bytes;
 use axum::extract::rejection::QueryRejection;
@@ -15,25 +17,11 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::{IntoResponse, Response};
 use roomsight_protocol::event::{RobotInfo, RobotList};
-use serde::Deserialize;
-use std::ops::RangeInclusive;
+use roomsight_protocol::inbox::WidthQuery;
 use std::sync::Arc;
 
 /// The number of the frame that a picture shows.
 const X_FRAME: HeaderName = HeaderName::from_static("x-frame");
-/// How wide a thumbnail may be, in pixels.
-const WIDTHS: RangeInclusive<u32> = 16..=1920;
-
-/// How a frame is wanted.
-#[derive(Deserialize, utoipa::IntoParams)]
-#[into_params(parameter_in = Query)]
-#[serde(deny_unknown_fields)]
-pub struct FrameQuery {
-    /// How wide the picture may be, in pixels; left out: the frame as the robot sent it.
-    #[param(minimum = 16, maximum = 1920, example = 320)]
-    width: Option<u32>,
-}
-
 /// Who is there
 ///
 /// All robots that stream or send requests under a name, those included whose connection broke, and for an hour those
@@ -74,7 +62,7 @@ fn found(app: &App, id: &str) -> Result<Arc<RobotRecord>, Problem> {
 /// robot's `frame`. Frames are kept in memory within the setting `live_frames_bytes`: those that came first give way.
 #[utoipa::path(
     get, path = "/v1/robots/{id}/frame", tag = "dashboards", security(("key" = [])),
-    params(("id" = String, Path, description = "The robot's name, or its stream's"), FrameQuery),
+    params(("id" = String, Path, description = "The robot's name, or its stream's"), WidthQuery),
     responses(
         (status = OK, description = "The picture",
             content((ImageBytes = "image/jpeg"), (ImageBytes = "application/octet-stream")),
@@ -89,13 +77,11 @@ fn found(app: &App, id: &str) -> Result<Arc<RobotRecord>, Problem> {
 pub async fn show_frame(
     State(app): State<App>,
     Path(id): Path<String>,
-    query: Result<Query<FrameQuery>, QueryRejection>,
+    query: Result<Query<WidthQuery>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
-    let Query(FrameQuery { width }) = query.map_err(|error| Problem::query(error.body_text()))?;
-    if width.is_some_and(|width| !WIDTHS.contains(&width)) {
-        return Err(Problem::query("`width` must be from 16 to 1920 pixels"));
-    }
+    let Query(WidthQuery { width }) = query.map_err(|error| Problem::query(error.body_text()))?;
+    check_width(width)?;
     let record = found(&app, &id)?;
     let no_frame = || Problem::new(Kind::NotFound, format_args!("no frame of {id:?} is kept"));
     let (number, frame) = app.engine.robots.frame(&record).ok_or_else(no_frame)?;
@@ -106,7 +92,7 @@ pub async fn show_frame(
         return Ok((StatusCode::NOT_MODIFIED, told).into_response());
     }
     let (media_type, picture) = match width {
-        None => (media_type(&frame), frame),
+        None => (type_of(&frame).media_type, frame),
         Some(width) => ("image/jpeg", thumbnail(&app, ThumbnailKey { frame: number, width }, frame).await?),
     };
     Ok((told, [(CONTENT_TYPE, media_type)], picture).into_response())
@@ -125,15 +111,4 @@ async fn thumbnail(app: &App, key: ThumbnailKey, frame: Bytes) -> Result<Bytes, 
         app.engine.thumbnails.make(key, &frame, limits).map_err(RecognizeError::from)
     };
     blocking(app, make).await
-}
-
-/// What the bytes say they are. Only images get here, of which these begin so.
-fn media_type(frame: &[u8]) -> &'static str {
-    match frame {
-        [0xff, 0xd8, ..] => "image/jpeg",
-        [0x89, b'P', b'N', b'G', ..] => "image/png",
-        [b'R', b'I', b'F', b'F', ..] => "image/webp",
-        [b'B', b'M', ..] => "image/bmp",
-        _ => "application/octet-stream",
-    }
 }

@@ -72,7 +72,7 @@ pub async fn sign_in(
 /// A code is told once, as a QR code by `roomsight serve --lan`, and stands for a key once: for a phone, on which nobody types
 /// a key.
 #[utoipa::path(
-    post, path = "/v1/session/code", tag = "dashboards",
+    post, path = "/v1/session/code", tag = "dashboards", security(),
     request_body(content = CodeJson),
     responses(
         (status = OK, description = "Who is signed in", body = SessionInfo,

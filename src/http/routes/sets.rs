@@ -14,6 +14,7 @@ use axum::extract::{Path, Query, Request, State};
 use axum::http::{HeaderMap, StatusCode};
 use axum::response::Response;
 use roomsight_protocol::audit::Deed;
+use roomsight_protocol::event::Event;
 use roomsight_protocol::sets::{
     AddQuery, AddedFrames, ChangeJson, FrameList, FramesQuery, SetChange, SetCheck, SetInfo, SetList,
     SetPictureQuery, SetSummary,
@@ -161,7 +162,9 @@ pub async fn add_frames(
             bytes: frame.bytes.clone(),
         };
         let pictures: Vec<NewFrame> = frames.iter().map(new).collect();
-        app.teaching()?.sets.add(&set, by.who(), &place, &pictures)
+        let added = app.teaching()?.sets.add(&set, by.who(), &place, &pictures)?;
+        app.engine.events.tell(Event::SetChanged { set });
+        Ok::<_, Problem>(added)
     })
     .await
     .map(Json)
@@ -186,6 +189,7 @@ pub async fn change_set(
     let change = read_json::<ChangeJson>(&app, request).await?.ok_or_else(empty)?;
     blocking(&app, move |app| {
         let change = app.teaching()?.sets.change(&set, by.who(), change)?;
+        app.engine.events.tell(Event::SetChanged { set: set.clone() });
         by.did(app, Deed::Change, &set, &format!("{}: {}", change.action, change.text));
         Ok::<_, Problem>(Json(change))
     })
@@ -211,6 +215,8 @@ pub async fn undo_change(
     let Path((set, id)) = path.map_err(|error| Problem::query(error.body_text()))?;
     blocking(&app, move |app| {
         let change = app.teaching()?.undo(&set, id)?;
+        app.engine.events.tell(Event::SetChanged { set: set.clone() });
+        app.teaching()?.tell_inbox(&app.engine)?;
         by.did(app, Deed::Undo, &set, &format!("{}: {}", change.action, change.text));
         Ok::<_, Problem>(Json(change))
     })

@@ -1,6 +1,6 @@
 //! Frames come in, and old ones go.
 
-use super::{COLUMNS, Inbox, Kept, kept};
+use super::{COLUMNS, Inbox, InboxSize, Kept, kept};
 use crate::engine::doubts::DoubtedFrame;
 use crate::teaching::TeachingError;
 use crate::teaching::pictures::file_name;
@@ -70,11 +70,11 @@ impl Inbox {
         let too_old = self.select("WHERE at < ?1", &[&oldest])?;
         self.delete(&too_old)?;
         loop {
-            let (n_frames, n_bytes) = self.size()?;
-            if n_frames <= rule.max_frames && n_bytes <= rule.max_bytes || n_frames == 0 {
+            let InboxSize { frames, bytes, .. } = self.size()?;
+            if frames <= rule.max_frames && bytes <= rule.max_bytes || frames == 0 {
                 return Ok(());
             }
-            let n_over = n_frames.saturating_sub(rule.max_frames).max(1);
+            let n_over = frames.saturating_sub(rule.max_frames).max(1);
             let first = self.select("ORDER BY is_labeled, at, id LIMIT ?1", &[&n_over])?;
             self.delete(&first)?;
         }
@@ -84,9 +84,14 @@ impl Inbox {
     ///
     /// # Errors
     /// A database that cannot be read.
-    pub fn size(&self) -> Result<(u64, u64), TeachingError> {
-        let query = "SELECT COUNT(*), COALESCE(SUM(bytes), 0) FROM inbox_frame";
-        Ok(self.store.lock().query_row(query, [], |row| Ok((row.get(0)?, row.get(1)?)))?)
+    pub fn size(&self) -> Result<InboxSize, TeachingError> {
+        let query = "SELECT COUNT(*), COALESCE(SUM(bytes), 0), COALESCE(SUM(is_labeled = 0), 0), \
+            COALESCE(SUM(bytes * (is_labeled = 0)), 0) FROM inbox_frame";
+        let size = |row: &rusqlite::Row| {
+            let [frames, bytes] = [row.get(0)?, row.get(1)?];
+            Ok(InboxSize { frames, bytes, open: row.get(2)?, open_bytes: row.get(3)? })
+        };
+        Ok(self.store.lock().query_row(query, [], size)?)
     }
 
     fn select(&self, rest: &str, values: &[&dyn rusqlite::ToSql]) -> Result<Vec<Kept>, TeachingError> {

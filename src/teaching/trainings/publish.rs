@@ -6,6 +6,7 @@ use crate::engine::Engine;
 use crate::engine::registry::ChangeError;
 use crate::repository::{RepositoryError, package};
 use crate::teaching::{Teaching, TeachingError, Who};
+use roomsight_protocol::event::Event;
 use roomsight_protocol::training::{PublishedVersion, TrainingInfo, TrainingJson, TrainingState};
 use roomsight_protocol::version_id::VersionId;
 use std::sync::Arc;
@@ -28,7 +29,19 @@ impl Trainer {
     pub fn begin(&self, who: Who, wanted: &TrainingJson) -> Result<TrainingInfo, TeachingError> {
         let beside = self.beside(&wanted.model);
         let trainer = self.clone();
-        self.teaching.trainings.begin(who, wanted, beside.as_ref(), move |info| trainer.ended(info))
+        let then = move |info: &TrainingInfo| {
+            trainer.tell(info);
+            trainer.ended(info);
+        };
+        let info = self.teaching.trainings.begin(who, wanted, beside.as_ref(), then)?;
+        self.tell(&info);
+        Ok(info)
+    }
+
+    /// Tells dashboards and metrics that a training began or ended.
+    fn tell(&self, TrainingInfo { id, model, state, .. }: &TrainingInfo) {
+        self.engine.metrics.beside().training(*state == TrainingState::Running);
+        self.engine.events.tell(Event::Training { id: *id, model: model.clone(), state: *state });
     }
 
     /// The version that serves as stable under a name, for a new one to be compared with.

@@ -6,6 +6,7 @@ import { Picture } from "../../components/picture";
 import { Verdict } from "../../components/verdict";
 import { dateTime, percent } from "../../format";
 import { href } from "../../route";
+import { blockedForData } from "../../session";
 import { text } from "../../texts/inbox";
 import { Nearest } from "./nearest";
 
@@ -13,11 +14,12 @@ interface FocusPanelProps {
   frame: InboxFrame;
   /** Where labeled frames go. */
   set?: string;
+  onLabel: (room: string) => void;
   onEnlarge: () => void;
 }
 
 /** All there is to know about the focused frame. */
-export function FocusPanel({ frame, set, onEnlarge }: FocusPanelProps) {
+export function FocusPanel({ frame, set, onLabel, onEnlarge }: FocusPanelProps) {
   const { label, said, filtered_room: filtered, shadow_room: shadow, model } = frame;
   return (
     <aside class="card focus-panel" aria-label={text.panel}>
@@ -44,7 +46,16 @@ export function FocusPanel({ frame, set, onEnlarge }: FocusPanelProps) {
             {text.byModel(model.name, model.version)}
           </a>
         </div>
-        {said !== undefined && <p>{text.said(said)}</p>}
+        {said !== undefined && (
+          <div class="row">
+            <p>{text.said(said)}</p>
+            {!label && set !== undefined && (
+              <Button compact blocked={blockedForData("admin")} onClick={() => onLabel(said)}>
+                {text.labelSaid(said)}
+              </Button>
+            )}
+          </div>
+        )}
         {filtered !== undefined && <p>{text.filteredRoom(filtered)}</p>}
         {shadow !== undefined && <p>{text.shadowRoom(shadow)}</p>}
         {label && (

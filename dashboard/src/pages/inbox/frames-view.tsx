@@ -1,4 +1,4 @@
-import { useEffect, useState } from "preact/hooks";
+import { useCallback, useEffect, useMemo, useState } from "preact/hooks";
 import { discardFrames, inboxPicture, labelFrames, listInbox } from "../../api/inbox";
 import type { Conflict, InboxFrame, InboxQuery } from "../../api/inbox";
 import { undoChange } from "../../api/sets";
@@ -22,7 +22,7 @@ import { FocusPanel } from "./focus-panel";
 import { LabelBar, useTarget } from "./label-bar";
 
 /** So many frames are asked for at once. */
-const PAGE = 200;
+const PAGE = 500;
 const LOOK_MS = 10_000;
 
 /** The frames of the inbox, and what they show said for many of them at once. */
@@ -43,8 +43,8 @@ export function FramesView() {
   const now = useLoad((signal) => listInbox(query, undefined, 1, signal), inputs, LOOK_MS);
   const fresh = now.data && !paged.loading ? Math.abs(now.data.total - paged.total) : 0;
 
-  const names = paged.items.map(({ id }) => String(id));
-  const there = kept(selection, names);
+  const names = useMemo(() => paged.items.map(({ id }) => String(id)), [paged.items]);
+  const there = useMemo(() => kept(selection, names), [selection, names]);
   const focused = paged.items[there.focus];
   useEffect(() => setSelection(NOTHING), inputs);
 
@@ -60,8 +60,8 @@ export function FramesView() {
   };
   const clear = () => setSelection({ ...there, names: new Set() });
 
-  const label = async (room: string) => {
-    const frames = asSeen(meant(there, names));
+  const label = async (room: string, chosen = meant(there, names)) => {
+    const frames = asSeen(chosen);
     const { set } = target;
     if (blocked !== undefined || set === undefined || frames.length === 0) return;
     try {
@@ -116,6 +116,7 @@ export function FramesView() {
     return true;
   };
 
+  const tile = useCallback((_: string, index: number) => tileOf(paged.items[index]), [paged.items]);
   const isEmpty = paged.total === 0 && !paged.loading && paged.error === undefined;
   return (
     <>
@@ -150,7 +151,7 @@ export function FramesView() {
                 selection={there}
                 captionHeight={40}
                 tileWidth={160}
-                tile={(_, index) => tileOf(paged.items[index])}
+                tile={tile}
                 onSelect={setSelection}
                 onNeed={paged.need}
                 onSelectAll={() => void selectAll()}
@@ -164,6 +165,7 @@ export function FramesView() {
                 key={focused.id}
                 frame={focused}
                 set={target.set}
+                onLabel={(room) => void label(room, [String(focused.id)])}
                 onEnlarge={() => setOpened(there.focus)}
               />
             )}

@@ -1,8 +1,9 @@
 import { useEffect } from "preact/hooks";
-import type { Robot } from "../../api/live";
+import { fetchFrame, type Robot } from "../../api/live";
 import { ProbabilityBars } from "../../components/bars";
 import { Badge } from "../../components/layout";
 import { Verdict } from "../../components/verdict";
+import { WrongButton } from "../../components/wrong";
 import { decimal, duration, milliseconds } from "../../format";
 import { href } from "../../route";
 import { text } from "../../texts/live";
@@ -30,6 +31,15 @@ export function droppedOf({ frames }: Robot): { total: number; reasons: [string,
   return { total: reasons.reduce((sum, [, n]) => sum + n, 0), reasons };
 }
 
+/** How old its last answer is; where its frames are not dated, how long answering took. */
+function Age({ robot: { age_ms, latency_ms } }: { robot: Robot }) {
+  return age_ms === undefined || age_ms === null ? (
+    <span title={text.latencyMore}>{text.latency(milliseconds(latency_ms))}</span>
+  ) : (
+    <span title={text.ageMore}>{text.age(milliseconds(age_ms))}</span>
+  );
+}
+
 /** A robot at a glance. */
 export function RobotCard({ entry, every }: { entry: Entry; every: number }) {
   useEffect(() => {
@@ -50,6 +60,14 @@ export function RobotCard({ entry, every }: { entry: Entry; every: number }) {
           </a>
         </h2>
         <StateBadge robot={robot} />
+        {robot.room && robot.connected && (
+          <WrongButton
+            frame={() => fetchFrame(robot.id)}
+            answer={{ ...robot, room: robot.room }}
+            robot={robot.robot ?? undefined}
+            label={text.wrongOf(robot.room, robot.id)}
+          />
+        )}
       </header>
       <div class="robot-now">
         <LastFrame id={robot.id} every={every} width={THUMBNAIL_PX} class="robot-frame" />
@@ -59,7 +77,7 @@ export function RobotCard({ entry, every }: { entry: Entry; every: number }) {
       <RibbonBar ribbon={entry.ribbon} now={now.peek()} />
       <footer class="robot-foot number">
         <span>{text.perSecond(decimal(robot.frames_per_s))}</span>
-        <span title={text.ageMore}>{text.age(milliseconds(robot.age_ms ?? robot.latency_ms))}</span>
+        <Age robot={robot} />
         <span
           title={dropped.reasons
             .map(([reason, n]) => `${n}: ${text.dropReasons[reason] ?? reason}`)

@@ -2,6 +2,7 @@ import { useEffect, useState } from "preact/hooks";
 import type { PageProps } from "../../app";
 import { CompactSelect } from "../../components/fields";
 import { Badge, Busy, EmptyState, ErrorNote, PageHead } from "../../components/layout";
+import { Spoken } from "../../components/spoken";
 import { Tabs } from "../../components/tabs";
 import { useLoad } from "../../hooks";
 import { mapOf } from "../../model-map";
@@ -80,16 +81,19 @@ function ChoiceBar(props: { choice: Choice; onChoose: (choice: Choice) => void }
   );
 }
 
-/** How many there are; told aloud when it changes. */
+/** How many there are; how many of them are lost is also told aloud. */
 function Counts() {
   if (changes.value === 0) return null;
   const robots = [...entries.values()].map(({ robot }) => robot.peek());
   const lost = robots.filter((robot) => robot.connected && robot.lost).length;
   const left = robots.filter((robot) => !robot.connected).length;
   return (
-    <p class={lost > 0 ? "counts some-lost" : "counts muted"} aria-live="polite">
-      {text.counts(robots.length, lost, left)}
-    </p>
+    <>
+      <p class={lost > 0 ? "counts some-lost" : "counts muted"}>
+        {text.counts(robots.length, lost, left)}
+      </p>
+      <Spoken text={lost > 0 ? text.lostNow(lost) : ""} />
+    </>
   );
 }
 

@@ -1,6 +1,5 @@
 import { useEffect, useState } from "preact/hooks";
-import { fetchFrom } from "../../api/client";
-import { frameAddress, getRobot, type Robot, type RobotInfo } from "../../api/live";
+import { fetchFrame, getRobot, type Robot, type RobotInfo } from "../../api/live";
 import { type Answer, recognize } from "../../api/recognize";
 import { ProbabilityBars } from "../../components/bars";
 import { Button } from "../../components/button";
@@ -64,11 +63,6 @@ interface Explained {
   answer: Answer;
 }
 
-async function fetchFrame(id: string): Promise<Blob> {
-  const response = await fetchFrom(frameAddress(id), { headers: { Accept: "image/*" } });
-  return await response.blob();
-}
-
 function Detail(props: { id: string; entry: Entry; info: RobotInfo | undefined }) {
   const { id, entry, info } = props;
   useEffect(() => {
@@ -97,7 +91,6 @@ function Detail(props: { id: string; entry: Entry; info: RobotInfo | undefined }
   // Beside an explained frame stands its own answer, and "wrong" is about that.
   const shown = explained?.answer ?? robot;
   const shared = chosenOf(explained?.answer, chosen);
-  const rooms = map?.rooms ?? shown.probabilities.map(({ room }) => room);
   return (
     <div class="robot-page">
       <section class="card padded stack" aria-label={text.frameTitle}>
@@ -154,8 +147,7 @@ function Detail(props: { id: string; entry: Entry; info: RobotInfo | undefined }
             {shown.room && (
               <WrongButton
                 frame={() => (explained ? Promise.resolve(explained.frame) : fetchFrame(id))}
-                room={shown.room}
-                rooms={rooms}
+                answer={{ ...shown, room: shown.room }}
                 robot={robot.robot ?? undefined}
               />
             )}

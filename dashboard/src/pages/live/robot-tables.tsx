@@ -46,7 +46,7 @@ export function Numbers({ robot, info }: { robot: Robot; info: RobotInfo | undef
     [numbers.streaming, info?.streaming_s ? duration(info.streaming_s) : undefined],
     [numbers.inRoom, duration(robot.in_room_s)],
     [numbers.rate, decimal(robot.frames_per_s)],
-    [numbers.age, milliseconds(robot.age_ms)],
+    [numbers.age, robot.age_ms ? milliseconds(robot.age_ms) : undefined],
     [numbers.latency, milliseconds(robot.latency_ms)],
     [numbers.accepted, count(robot.frames.accepted)],
     [numbers.results, count(robot.frames.results)],

@@ -14,6 +14,8 @@ const MOST_WIDTH = 1100;
 /** Below this width it stands upright, for phones. */
 const UPRIGHT_BELOW = 620;
 const MARGIN_Y = 80;
+/** The size of rooms there. */
+const SMALL = 0.7;
 const NODE = 34;
 const ROBOT = 15;
 const MOST_ROBOTS = 18;
@@ -31,7 +33,7 @@ export function RoomsGraph({ map }: { map: ModelMap }) {
   const robots = robotsByRoom();
   const upright = place.width < UPRIGHT_BELOW;
   const width = Math.min(MOST_WIDTH, Math.max(LEAST_WIDTH, place.width));
-  const height = upright ? width * 1.4 : width * 0.55;
+  const height = upright ? width * 1.5 : width * 0.55;
   const marginX = width * 0.14;
   const at = (room: string) => {
     const point = points.get(room) ?? { x: 0.5, y: 0.5 };
@@ -43,7 +45,12 @@ export function RoomsGraph({ map }: { map: ModelMap }) {
   };
   return (
     <figure class="graph-figure" ref={place.ref}>
-      <svg class="graph" viewBox={`0 0 ${width} ${height}`} role="group" aria-label={text.graph}>
+      <svg
+        class={upright ? "graph upright" : "graph"}
+        viewBox={`0 0 ${width} ${height}`}
+        role="group"
+        aria-label={text.graph}
+      >
         {ways.map(({ one, other, rate }) => {
           const [from, to] = [at(one), at(other)];
           return (
@@ -63,7 +70,11 @@ export function RoomsGraph({ map }: { map: ModelMap }) {
           const here = robots.get(room) ?? [];
           const seats = around(Math.min(here.length, MOST_ROBOTS), NODE + ROBOT * 0.75, ROBOT);
           return (
-            <g key={room} transform={`translate(${x} ${y})`} class={roomClass(room)}>
+            <g
+              key={room}
+              transform={`translate(${x} ${y}) scale(${upright ? SMALL : 1})`}
+              class={roomClass(room)}
+            >
               <circle class="room-node" r={NODE} />
               <text class="room-count" y={5}>
                 {here.length}

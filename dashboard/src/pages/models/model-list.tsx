@@ -73,6 +73,7 @@ function ModelCard({ model, trainings, isOnly, reload }: ModelCardProps) {
   const shown = model.versions.filter(
     ({ labels }, index) => showsAll || index < FIRST || labels.length > 0,
   );
+  const previous = model.versions.find(({ labels }) => labels.includes("previous"));
   const trainingOf = (version: number) =>
     trainings.find(
       ({ published }) => published?.name === model.name && published.version === version,
@@ -97,10 +98,10 @@ function ModelCard({ model, trainings, isOnly, reload }: ModelCardProps) {
           compact
           icon="undo"
           blocked={blocked}
-          disabled={model.serving == null}
+          disabled={previous === undefined}
           onClick={changer.rollBack}
         >
-          {text.rollBack}
+          {previous ? text.rollBackTo(previous.version) : text.rollBack}
         </Button>
         <Button compact blocked={blockedForData("admin")} onClick={() => setTraining(true)}>
           {text.train}

@@ -1,6 +1,7 @@
 import { useState } from "preact/hooks";
+import { ApiError } from "../../api/client";
 import { cancelTraining, getTraining, publishTraining, type Training } from "../../api/trainings";
-import { getModel, putLabel } from "../../api/versions";
+import { activate, getModel, putLabel } from "../../api/versions";
 import { BackLink } from "../../components/back-link";
 import { Progress } from "../../components/bars";
 import { Button } from "../../components/button";
@@ -128,20 +129,7 @@ function Head({ training, reload }: PartProps) {
 
 /** What the training says, and the way of its model into service. */
 function Outcome({ training, reload }: PartProps) {
-  const { id, model, comparison, published, report } = training;
-  const isWorse = comparison?.is_worse ?? false;
-  const blocked = blockedForData("admin");
-  const publish = useAction(async (asShadow: boolean) => {
-    const { name, version } = await publishTraining(id, isWorse);
-    toast({ text: text.publishedToast(`${name}/${version}`) });
-    if (asShadow) {
-      const { epoch } = await getModel(name);
-      await putLabel(name, "shadow", version, epoch);
-      toast({ text: text.isShadow(`${name}/${version}`) });
-      go(href("models"));
-    }
-    reload();
-  });
+  const { id, comparison, published, report } = training;
   const serving = /^(.+)\/(\d+)$/.exec(comparison?.serving ?? "");
   return (
     <div class="report-grid">
@@ -176,32 +164,63 @@ function Outcome({ training, reload }: PartProps) {
             </a>
           </p>
         ) : (
-          <>
-            <div class="row">
-              {!isWorse && (
-                <Button
-                  kind="primary"
-                  busy={publish.busy}
-                  blocked={blocked}
-                  onClick={() => void publish.run(true)}
-                >
-                  {text.publishShadow}
-                </Button>
-              )}
-              <Button
-                kind={isWorse ? "danger" : undefined}
-                busy={publish.busy}
-                blocked={blocked}
-                onClick={() => void publish.run(false)}
-              >
-                {isWorse ? text.publishAnyway : text.publish(model)}
-              </Button>
-            </div>
-            <p class="muted small">{isWorse ? text.publishHint : text.publishShadowHint}</p>
-          </>
+          <Publish training={training} reload={reload} />
         )}
-        {publish.error !== undefined && <ErrorNote error={publish.error} />}
       </section>
     </div>
+  );
+}
+
+/** Whether any version of a model serves; a model that is not there yet serves none. */
+async function serves(model: string, signal: AbortSignal): Promise<boolean> {
+  try {
+    return (await getModel(model, signal)).serving != null;
+  } catch (error) {
+    if (error instanceof ApiError && error.status === 404) return false;
+    throw error;
+  }
+}
+
+/** The first step of a model: beside one that serves it is a shadow, the first of its name serves. */
+function Publish({ training, reload }: PartProps) {
+  const { id, model, comparison } = training;
+  const isWorse = comparison?.is_worse ?? false;
+  const blocked = blockedForData("admin");
+  const { data: hasServing } = useLoad((signal) => serves(model, signal), [model]);
+  const { run, busy, error } = useAction(async (goesOn: boolean) => {
+    const { name, version } = await publishTraining(id, isWorse);
+    const told = `${name}/${version}`;
+    if (goesOn) {
+      const { epoch } = await getModel(name);
+      if (hasServing) await putLabel(name, "shadow", version, epoch);
+      else await activate(name, version, epoch);
+      toast({ text: hasServing ? text.isShadow(told) : text.isStable(told) });
+      go(href("models"));
+    } else {
+      toast({ text: text.publishedToast(told) });
+    }
+    reload();
+  });
+  const hint = hasServing ? text.publishShadowHint : text.publishFirstHint;
+  return (
+    <>
+      <div class="row">
+        {!isWorse && hasServing !== undefined && (
+          <Button kind="primary" busy={busy} blocked={blocked} onClick={() => void run(true)}>
+            {hasServing ? text.publishShadow : text.publishFirst}
+          </Button>
+        )}
+        <Button
+          kind={isWorse ? "danger" : undefined}
+          busy={busy}
+          blocked={blocked}
+          onClick={() => void run(false)}
+        >
+          {isWorse ? text.publishAnyway : text.publish(model)}
+        </Button>
+      </div>
+      <p class="muted small">{isWorse ? text.publishHint : hint}</p>
+      {error !== undefined && <ErrorNote error={error} />}
+    </>
   );
 }

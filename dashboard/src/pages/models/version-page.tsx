@@ -62,7 +62,7 @@ function Version({ model, details, reload }: VersionProps) {
         </Note>
       )}
       <div class="row">
-        <Steps version={details} changer={changer} />
+        <Steps version={details} hasStable={serving != null} changer={changer} />
         {serving != null && serving !== version && (
           <a
             class="button compact"

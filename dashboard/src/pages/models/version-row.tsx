@@ -49,7 +49,7 @@ export function VersionRow({ model, version, training, changer }: VersionRowProp
         {labels.includes("shadow") && shadow && <ShadowLine shadow={shadow} />}
       </div>
       <div class="version-actions row">
-        <Steps version={version} changer={changer} />
+        <Steps version={version} hasStable={serving != null} changer={changer} />
         {serving != null && !isStable && (
           <a
             class="button plain compact"
@@ -97,6 +97,7 @@ export function Labels({ version }: { version: VersionInfo }) {
           {text.shadow}
         </Badge>
       )}
+      {labels.includes("previous") && <Badge title={text.previousHint}>{text.previous}</Badge>}
       {(state !== "ready" || labels.length === 0) && (
         <Badge kind={state === "failed" ? "bad" : undefined}>{text.states[state]}</Badge>
       )}
@@ -106,11 +107,13 @@ export function Labels({ version }: { version: VersionInfo }) {
 
 interface StepsProps {
   version: VersionInfo;
+  /** Without a version that serves there is nothing to be a shadow or a canary of. */
+  hasStable: boolean;
   changer: Changer;
 }
 
 /** The way of a version: shadow, canary, stable; each with a way back. */
-export function Steps({ version, changer }: StepsProps) {
+export function Steps({ version, hasStable, changer }: StepsProps) {
   const [share, setShare] = useState(FIRST_SHARE);
   const { version: number, labels, state } = version;
   const blocked = blockedFor("admin");
@@ -120,12 +123,12 @@ export function Steps({ version, changer }: StepsProps) {
   const isCanary = labels.includes("canary");
   return (
     <>
-      {!isShadow && !isCanary && (
+      {hasStable && !isShadow && !isCanary && (
         <Button compact blocked={blocked} disabled={busy} onClick={() => changer.shadow(number)}>
           {text.asShadow}
         </Button>
       )}
-      {!isCanary && (
+      {hasStable && !isCanary && (
         <span class="row joined">
           <Button
             compact
@@ -146,7 +149,7 @@ export function Steps({ version, changer }: StepsProps) {
       )}
       <Button
         compact
-        kind={isCanary ? "primary" : undefined}
+        kind={isCanary || !hasStable ? "primary" : undefined}
         blocked={blocked}
         disabled={busy}
         onClick={() => changer.stable(number)}

@@ -5,12 +5,21 @@ import { Busy, EmptyState, ErrorNote } from "../../components/layout";
 import { Table } from "../../components/table";
 import { dateTime } from "../../format";
 import { useAction, useLoad } from "../../hooks";
+import { service } from "../../session";
+import { text as common } from "../../texts/common";
 import { text } from "../../texts/service";
 
 const PAGE = 100;
 
 /** Who changed what, the newest first. */
 export function Audit() {
+  if (service.value?.data === false) {
+    return <EmptyState icon="service" title={text.auditNotHere} text={common.noData} />;
+  }
+  return <AuditList />;
+}
+
+function AuditList() {
   const first = useLoad((signal) => listAudit(undefined, PAGE, signal), []);
   const [older, setOlder] = useState<{ entries: AuditEntry[]; next?: number }>();
   const next = older ? older.next : first.data?.next;

@@ -9,7 +9,7 @@ import { Table } from "../../components/table";
 import { toast, toastError } from "../../components/toasts";
 import { dateTime } from "../../format";
 import { useAction, useLoad } from "../../hooks";
-import { blockedFor, checkSession, service } from "../../session";
+import { blockedFor, blockedForData, checkSession, service } from "../../session";
 import { text as common } from "../../texts/common";
 import { text } from "../../texts/service";
 
@@ -17,6 +17,8 @@ import { text } from "../../texts/service";
 export function Keys() {
   const blocked = blockedFor("admin");
   if (blocked) return <EmptyState icon="key" title={text.keysRefused} text={blocked} />;
+  const keptNowhere = blockedForData("admin");
+  if (keptNowhere) return <EmptyState icon="key" title={text.keysNotHere} text={keptNowhere} />;
   return <KeyList />;
 }
 

@@ -1,4 +1,4 @@
-import { useRef, useState } from "preact/hooks";
+import { useCallback, useMemo, useRef, useState } from "preact/hooks";
 import { listFrames, pictureAddress, type DataSet, type Frame } from "../../api/sets";
 import { Button } from "../../components/button";
 import { FrameGrid } from "../../components/frame-grid";
@@ -40,8 +40,8 @@ export function FramesView({ set, version, change }: FramesViewProps) {
     [set.name, chosen.room, chosen.drive],
     version,
   );
-  const names = paged.items.map(({ path }) => path);
-  const there = kept(selection, names);
+  const names = useMemo(() => paged.items.map(({ path }) => path), [paged.items]);
+  const there = useMemo(() => kept(selection, names), [selection, names]);
 
   const choose = (next: Chosen) => {
     setChosen(next);
@@ -70,6 +70,12 @@ export function FramesView({ set, version, change }: FramesViewProps) {
     else return false;
     return true;
   };
+
+  const hasCaptions = chosen.room === undefined;
+  const tile = useCallback(
+    (_: string, index: number) => tileOf(set.name, paged.items[index], hasCaptions),
+    [set.name, paged.items, hasCaptions],
+  );
 
   if (set.rooms.length === 0) {
     return <EmptyState icon="picture" title={text.emptySet} text={text.emptySetText} />;
@@ -127,8 +133,8 @@ export function FramesView({ set, version, change }: FramesViewProps) {
           names={names}
           total={paged.total}
           selection={there}
-          captionHeight={chosen.room === undefined ? 22 : 0}
-          tile={(_, index) => tileOf(set.name, paged.items[index], chosen.room === undefined)}
+          captionHeight={hasCaptions ? 22 : 0}
+          tile={tile}
           onSelect={setSelection}
           onNeed={paged.need}
           onSelectAll={() => void selectAll()}

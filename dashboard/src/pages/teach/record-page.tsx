@@ -237,7 +237,8 @@ function Sending({ recorder }: { recorder: Recorder }) {
   );
 }
 
-function saidOf({ said, isTaking }: Recorder): string {
+function saidOf({ said, sending, isTaking }: Recorder): string {
+  if (sending.held?.then === "stop") return text.recordHeld;
   if (!isTaking) return text.recordPaused;
   if (said === undefined) return text.recordStarting;
   return said === "waiting" ? text.recordWaiting : text.recordSay[said];

@@ -17,7 +17,6 @@ export function AnswerView(props: {
   answer: Answer;
   filtered?: Filtered | null;
   frame: Blob;
-  rooms: readonly string[];
   robot?: string;
   children?: ComponentChildren;
 }) {
@@ -36,12 +35,7 @@ export function AnswerView(props: {
         <div class="grow">
           <Verdict {...answer} />
         </div>
-        <WrongButton
-          frame={() => Promise.resolve(frame)}
-          room={answer.room}
-          rooms={props.rooms}
-          robot={props.robot}
-        />
+        <WrongButton frame={() => Promise.resolve(frame)} answer={answer} robot={props.robot} />
       </div>
       <ProbabilityBars probabilities={answer.probabilities} most={MOST_BARS} />
       {novelty !== undefined && novelty !== null && (

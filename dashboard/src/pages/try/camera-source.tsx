@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useState } from "preact/hooks";
 import type { NearestFrame } from "../../api/recognize";
 import { cameraMissing, useCamera } from "../../camera";
 import { Button } from "../../components/button";
@@ -6,6 +6,7 @@ import { chosenOf, EvidenceLegend, EvidenceOverlay } from "../../components/expl
 import { CheckField, CompactSelect } from "../../components/fields";
 import { Icon } from "../../components/icons";
 import { Busy, Note } from "../../components/layout";
+import { Spoken } from "../../components/spoken";
 import { decimal, milliseconds } from "../../format";
 import { blockedFor } from "../../session";
 import { text as common } from "../../texts/common";
@@ -91,7 +92,6 @@ export function CameraSource() {
             answer={seen.result}
             filtered={seen.result.filtered}
             frame={seen.frame}
-            rooms={streaming.rooms}
             robot={CAMERA_NAME}
           >
             {camera.running && (
@@ -102,13 +102,18 @@ export function CameraSource() {
             )}
           </AnswerView>
         )}
-        {seen && <Spoken seen={seen} />}
+        {seen && <Spoken text={inWords(seen)} />}
         {explain && seen?.result.nearest && (
           <Reasons answer={seen.result} chosen={chosen} onChoose={setChosen} />
         )}
       </div>
     </div>
   );
+}
+
+function inWords({ result }: Seen): string {
+  const { room, known } = result.filtered ?? result;
+  return text.said(room, known ? common.known : common.notKnown);
 }
 
 /** What spoke for the last answer, over the moving picture. */
@@ -130,23 +135,4 @@ function Overlay({ seen, shared }: { seen: Seen; shared?: NearestFrame }) {
     };
   }, [seen.frame]);
   return size ? <EvidenceOverlay answer={seen.result} size={size} shared={shared} /> : null;
-}
-
-const SPOKEN_AFTER_MS = 1200;
-
-/** Tells a screen reader the room, once it has stayed the same for a moment. */
-function Spoken({ seen }: { seen: Seen }) {
-  const { room, known } = seen.result.filtered ?? seen.result;
-  const [spoken, setSpoken] = useState("");
-  const timer = useRef<ReturnType<typeof setTimeout>>(undefined);
-  useEffect(() => {
-    const words = text.said(room, known ? common.known : common.notKnown);
-    timer.current = setTimeout(() => setSpoken(words), SPOKEN_AFTER_MS);
-    return () => clearTimeout(timer.current);
-  }, [room, known]);
-  return (
-    <p class="hidden" aria-live="polite">
-      {spoken}
-    </p>
-  );
 }

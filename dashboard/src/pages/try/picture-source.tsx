@@ -1,11 +1,10 @@
 import { useEffect, useRef, useState } from "preact/hooks";
-import { type Answer, recognize } from "../../api/recognize";
+import { recognize } from "../../api/recognize";
 import { Button } from "../../components/button";
 import { chosenOf, EvidenceLegend, ExplainedFrame } from "../../components/explained";
 import { Icon } from "../../components/icons";
 import { Busy, ErrorNote } from "../../components/layout";
 import { useLoad } from "../../hooks";
-import { mapOf } from "../../model-map";
 import { blockedFor } from "../../session";
 import { text } from "../../texts/try";
 import { AnswerView, Reasons } from "./answer-view";
@@ -109,7 +108,6 @@ function PictureAnswer(props: { chosen: Chosen; onTake: (file: File | undefined)
   );
   // While the next picture is looked at, the answer to the one before does not stand beside it.
   const answer = loading ? undefined : data;
-  const rooms = useRooms(answer);
   const shared = chosenOf(answer, nearest);
   return (
     <div class="try-panes" {...drop.handlers}>
@@ -133,19 +131,11 @@ function PictureAnswer(props: { chosen: Chosen; onTake: (file: File | undefined)
         {error !== undefined && !loading && <ErrorNote error={error} onRetry={reload} />}
         {answer && error === undefined && (
           <>
-            <AnswerView answer={answer} frame={chosen.frame} rooms={rooms} />
+            <AnswerView answer={answer} frame={chosen.frame} />
             <Reasons answer={answer} chosen={nearest} onChoose={setNearest} />
           </>
         )}
       </div>
     </div>
   );
-}
-
-/** All rooms that the model of an answer tells apart. */
-function useRooms(answer: Answer | undefined): readonly string[] {
-  const model = answer?.model;
-  const key = model ? `${model.name}/${model.version}` : "";
-  const { data } = useLoad(() => (model ? mapOf(model) : Promise.resolve(undefined)), [key]);
-  return data?.rooms ?? answer?.probabilities.map(({ room }) => room) ?? [];
 }

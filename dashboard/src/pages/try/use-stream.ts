@@ -21,7 +21,6 @@ export interface Seen {
 
 export interface Streaming {
   state: "off" | "connecting" | "open" | "broken";
-  rooms: string[];
   seen?: Seen;
   problem?: string;
 }
@@ -30,7 +29,7 @@ type Grab = (maxWidth: number) => Promise<Blob | undefined>;
 
 /** Streams what `grab` gives while `on`, one frame at a time: the next one leaves when the last was answered. */
 export function useStream(on: boolean, grab: Grab, robot: string, explain: boolean): Streaming {
-  const [streaming, setStreaming] = useState<Streaming>({ state: "off", rooms: [] });
+  const [streaming, setStreaming] = useState<Streaming>({ state: "off" });
   const stream = useRef<FrameStream>(undefined);
   const asked = useRef({ grab, explain });
   asked.current = { grab, explain };
@@ -62,9 +61,9 @@ export function useStream(on: boolean, grab: Grab, robot: string, explain: boole
     const connect = () => {
       setStreaming((before) => ({ ...before, state: "connecting" }));
       stream.current = new FrameStream(robot, asked.current.explain, {
-        onRooms: (rooms) => {
+        onHello: () => {
           retry = FIRST_RETRY_MS;
-          setStreaming((before) => ({ ...before, state: "open", rooms, problem: undefined }));
+          setStreaming((before) => ({ ...before, state: "open", problem: undefined }));
         },
         onResult: (result) => {
           if (!sent) return;
