@@ -195,10 +195,9 @@ impl Robots {
         without_stream.sort();
         let n_too_many = without_stream.len().saturating_sub(MAX_WITHOUT_STREAM);
         for (idx, (last_seen, id)) in without_stream.into_iter().enumerate() {
-            if idx < n_too_many || now.saturating_duration_since(last_seen) > REMEMBERED {
-                if let Some(record) = by_id.remove(&id) {
-                    self.frames.forget(&record.last_frame);
-                }
+            let is_over = idx < n_too_many || now.saturating_duration_since(last_seen) > REMEMBERED;
+            if is_over && let Some(record) = by_id.remove(&id) {
+                self.frames.forget(&record.last_frame);
             }
         }
     }
