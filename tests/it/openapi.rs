@@ -91,7 +91,11 @@ fn every_call_says_what_can_go_wrong() {
         let takes_code = name.ends_with("/session/code");
         let of_v1 = name.contains("/v1/") && !takes_code;
         assert_eq!(needs_key, of_v1 || of_v2 || name.ends_with("/metrics"), "{name}");
-        assert_eq!(needs_key || takes_code, responses.contains_key("401") && responses.contains_key("403"), "{name}");
+        assert_eq!(
+            needs_key || takes_code,
+            responses.contains_key("401") && responses.contains_key("403"),
+            "{name}"
+        );
     }
     let recognize = &document["paths"]["/v1/recognize"]["post"]["responses"];
     for status in ["400", "401", "403", "404", "408", "409", "413", "415", "422", "429", "500", "503", "504"]
