@@ -22,7 +22,7 @@ pub async fn show_service(State(app): State<App>) -> Json<ServiceInfo> {
         version: env!("CARGO_PKG_VERSION").to_owned(),
         started_at: humantime::format_rfc3339_seconds(started).to_string(),
         uptime_s: uptime.as_secs_f64(),
-        data: settings.keeps_data(),
+        data: app.teaching.is_some(),
         keys: !engine.keyring.is_open(),
         threads: settings.n_threads(),
         frames_kept: engine.robots.frames().are_kept(),

@@ -1,7 +1,7 @@
 //! Robots as pages show them: who is there, where, and what they see.
 
 use crate::http::robot::{Robot, result};
-use crate::http::service::{FORM, SOON, Server, form, pgm, problem, room, success};
+use crate::http::service::{FORM, SOON, Server, form, known_room, pgm, problem, room, success};
 use roomsight::access::{Key, Role};
 use roomsight::settings::Settings;
 use roomsight_protocol::event::{Event, LiveUpdate, RobotInfo, RobotState, Via};
@@ -27,6 +27,10 @@ impl Events {
 
     /// The name and the data of the next one.
     async fn next<T: DeserializeOwned>(&mut self) -> (String, T) {
+        timeout(SOON, self.come()).await.expect("it comes soon")
+    }
+
+    async fn come<T: DeserializeOwned>(&mut self) -> (String, T) {
         loop {
             if let Some((event, rest)) = self.text.split_once("\n\n") {
                 let (event, rest) = (event.to_owned(), rest.to_owned());
@@ -37,7 +41,7 @@ impl Events {
                 }
                 continue;
             }
-            let piece = timeout(SOON, self.response.chunk()).await.expect("it comes soon").unwrap();
+            let piece = self.response.chunk().await.unwrap();
             self.text += std::str::from_utf8(&piece.expect("the response goes on")).unwrap();
         }
     }
@@ -140,7 +144,7 @@ async fn a_robot_is_lost_where_answers_stay_unknown_and_found_again() {
             return event;
         }
     };
-    recognize(&server, "?robot=eve", room(0, 0)).await;
+    recognize(&server, "?robot=eve", known_room(0)).await;
     let Event::RoomChanged(change) = told().await else { panic!("no change") };
     assert_eq!((change.who.id.as_str(), change.from, change.to.as_str()), ("eve", None, "stripes"));
     recognize(&server, "?robot=eve", nothing()).await;
@@ -152,7 +156,7 @@ async fn a_robot_is_lost_where_answers_stay_unknown_and_found_again() {
     assert!(info.state.lost && info.state.lost_s.is_some() && !info.state.known, "{info:?}");
     let scrape = server.get("/metrics").send().await.unwrap().text().await.unwrap();
     assert!(scrape.contains("\nroomsight_robots_lost 1\n"), "{scrape}");
-    recognize(&server, "?robot=eve", room(1, 0)).await;
+    recognize(&server, "?robot=eve", known_room(1)).await;
     let Event::RobotFound(found) = told().await else { panic!("it is not found") };
     assert_eq!((found.who.id.as_str(), found.room.as_str()), ("eve", "bars"));
     let Event::RoomChanged(change) = told().await else { panic!("no change") };

@@ -280,7 +280,12 @@ async fn viewers_may_scrape() {
 async fn all_that_is_documented_is_told_and_nothing_else() {
     let folder = models();
     write_model(&folder.path().join("lab/2"));
-    let server = Server::of(Settings { models: folder.path().to_owned(), ..Settings::default() }).await;
+    let settings = Settings {
+        models: folder.path().to_owned(),
+        mqtt: "mqtt://127.0.0.1:1".into(),
+        ..Settings::default()
+    };
+    let server = Server::of(settings).await;
     success(server.post("/v1/recognize", frame()).send().await.unwrap()).await;
     let activate = format!("{}/v1/models/lab/versions/1/activate", server.url);
     success(client().post(activate).send().await.unwrap()).await;

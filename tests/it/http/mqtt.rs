@@ -1,7 +1,7 @@
 //! A broker of MQTT is told where robots are, also after it was away. Skipped, and said so, where Mosquitto is not installed.
 
 use crate::http::command::free_address;
-use crate::http::service::{SOON, Server, pgm, room, success};
+use crate::http::service::{SOON, Server, known_room, pgm, success};
 use roomsight::settings::Settings;
 use rumqttc::{AsyncClient, Event, MqttOptions, Packet, QoS};
 use serde_json::Value;
@@ -104,8 +104,8 @@ async fn rooms_are_kept_at_the_broker_and_told_again_when_it_comes_back() {
         ..Settings::default()
     };
     let server = Server::start_sure(settings).await;
-    recognize(&server, "wall-e", room(0, 0)).await;
-    recognize(&server, "a%2Fb", room(0, 0)).await;
+    recognize(&server, "wall-e", known_room(0)).await;
+    recognize(&server, "a%2Fb", known_room(0)).await;
     let kept = broker
         .until(|kept| {
             is(kept, "roomsight/robots/wall-e/room", "stripes")
@@ -128,7 +128,7 @@ async fn rooms_are_kept_at_the_broker_and_told_again_when_it_comes_back() {
         serde_json::from_str(&kept["homeassistant/sensor/roomsight_wall-e/room/config"]).unwrap();
     assert_eq!(config["state_topic"], "roomsight/robots/wall-e/room");
     // A room is told at once.
-    recognize(&server, "wall-e", room(1, 0)).await;
+    recognize(&server, "wall-e", known_room(1)).await;
     broker.until(|kept| is(kept, "roomsight/robots/wall-e/room", "bars")).await;
     for _ in 0..2 {
         recognize(&server, "wall-e", pgm(96, 72, |_, _| 128)).await;
@@ -141,7 +141,7 @@ async fn rooms_are_kept_at_the_broker_and_told_again_when_it_comes_back() {
     assert!(is(&kept, "roomsight/robots/wall-e/room", "bars"), "where it was last known to be");
     // Nobody waits for a broker that is away, and one that comes back without memory is told all of it.
     let address = broker.stop();
-    recognize(&server, "wall-e", room(2, 0)).await;
+    recognize(&server, "wall-e", known_room(2)).await;
     let broker = Broker::start_at(address).await.unwrap();
     broker
         .until(|kept| {
@@ -161,7 +161,7 @@ async fn rooms_are_kept_at_the_broker_and_told_again_when_it_comes_back() {
 async fn a_broker_that_is_not_there_is_in_nobodys_way() {
     let settings = Settings { mqtt: "mqtt://127.0.0.1:1".into(), ..Settings::default() };
     let server = Server::start(settings).await;
-    recognize(&server, "wall-e", room(0, 0)).await;
+    recognize(&server, "wall-e", known_room(0)).await;
     let scrape = server.get("/metrics").send().await.unwrap().text().await.unwrap();
     assert!(scrape.contains("\nroomsight_mqtt_connected 0\n"), "{scrape}");
 }

@@ -183,6 +183,18 @@ pub fn room(room_idx: u32, shift: u32) -> Vec<u8> {
     })
 }
 
+/// A frame of a room that the model of [`Server::start_sure`] knows.
+pub fn known_room(room_idx: u32) -> Vec<u8> {
+    let is_known = |frame: &Vec<u8>| {
+        let image = Image::decode(frame, &Limits::default()).expect("an image");
+        let seen = SURE_MODEL.recognize(&image, &mut Scratch::default());
+        seen.known && SURE_MODEL.rooms()[seen.room_idx] == ["stripes", "bars", "dots"][room_idx as usize]
+    };
+    let (probability, novelty) = (SURE_MODEL.known_probability(), SURE_MODEL.known_novelty());
+    let known = (0..500).map(|shift| room(room_idx, shift)).find(is_known);
+    known.unwrap_or_else(|| panic!("known are those from {probability:?} on and up to {novelty:?}"))
+}
+
 /// A file that claims to be a model.
 pub fn write_damaged_model(folder: &Path) {
     fs::create_dir_all(folder).expect("a folder");

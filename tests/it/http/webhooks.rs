@@ -1,6 +1,6 @@
 //! Webhooks: what an address is told, how it can trust it, and that nobody waits for it.
 
-use crate::http::service::{SOON, Server, frame, models, pgm, room, success, write_damaged_model};
+use crate::http::service::{SOON, Server, frame, known_room, models, pgm, success, write_damaged_model};
 use ring::hmac;
 use roomsight::settings::Settings;
 use serde_json::Value;
@@ -101,7 +101,7 @@ async fn outcomes(server: &Server, outcome: &str, n: u32) {
 async fn an_address_hears_of_robots_signed_and_again_where_it_did_not_take_it() {
     let mut address = Address::listen(vec!["503 Service Unavailable"]).await;
     let server = Server::start_sure(telling(&[&address.url])).await;
-    recognize(&server, room(0, 0)).await;
+    recognize(&server, known_room(0)).await;
     let (refused, taken) = (address.next().await, address.next().await);
     assert_eq!(
         (&refused.body, &refused.headers["roomsight-delivery"]),
@@ -123,7 +123,7 @@ async fn an_address_hears_of_robots_signed_and_again_where_it_did_not_take_it() 
         sleep(Duration::from_millis(5)).await;
     }
     assert_eq!(address.next().await.told()["type"], "robot_lost");
-    recognize(&server, room(0, 0)).await;
+    recognize(&server, known_room(0)).await;
     assert_eq!(address.next().await.told()["type"], "robot_found");
     outcomes(&server, "delivered", 3).await;
     outcomes(&server, "retried", 1).await;
@@ -134,7 +134,7 @@ async fn an_address_that_leads_elsewhere_or_is_not_there_costs_others_nothing() 
     let mut elsewhere = Address::listen(vec!["307 Temporary Redirect"]).await;
     let mut address = Address::listen(Vec::new()).await;
     let server = Server::start_sure(telling(&["http://127.0.0.1:1/", &elsewhere.url, &address.url])).await;
-    recognize(&server, room(0, 0)).await;
+    recognize(&server, known_room(0)).await;
     assert_eq!(address.next().await.told()["type"], "room_changed");
     elsewhere.next().await;
     outcomes(&server, "refused", 1).await;
