@@ -49,7 +49,6 @@ export const text = {
   },
   failedAt: (stage: string, reason: string) => `Failed while ${stage}: ${reason}`,
   heldOut: (rate: string) => `${rate} right on held-out frames`,
-  details: "Details",
   compareStable: "Compare with stable",
   remove: "Delete version",
   removeTitle: (version: string) => `Delete ${version}?`,
@@ -75,7 +74,6 @@ export const text = {
   skipped: (n: number) => `${frames(n)} skipped while robots waited`,
   disagreements: "See disagreements",
 
-  card: "Card",
   about: "About",
   trainedBy: "Trained by",
   trainedOn: "Data set",
@@ -116,12 +114,11 @@ export const text = {
   reliabilityDot: (probability: string, rate: string, n: number) =>
     `Probability ${probability}: ${rate} of ${frames(n)} right`,
   reliabilityAxisX: "Probability",
-  reliabilityAxisY: "Right",
 
   compare: "Compare",
   compareTitle: "Side by side",
-  left: "First",
-  right2: "Second",
+  first: "First",
+  second: "Second",
   subjectTraining: (id: number, set: string) => `Training ${id} on ${set}`,
 
   verdict: "Verdict",
@@ -158,7 +155,6 @@ export const text = {
   now: "This training",
   rightOf: (right: number, n: number) => `${right.toLocaleString("en")} of ${frames(n)}`,
 
-  trainings: "Trainings",
   noTrainings: "No trainings yet",
   noTrainingsText: "Open a data set in Teach and choose Train.",
   training: (id: number) => `Training ${id}`,
@@ -176,7 +172,6 @@ export const text = {
   cancelTitle: "Cancel this training?",
   cancelText:
     "What it has worked out so far is lost. The data set and what serves stay as they are.",
-  keepTraining: "Keep it running",
   starting: "Starting …",
   log: "Log",
   published: (name: string, version: number) => `Published as ${name}/${version}`,
