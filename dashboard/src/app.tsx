@@ -10,7 +10,7 @@ import { toastError, Toasts } from "./components/toasts";
 import sign from "./favicon.svg";
 import { Corrections } from "./components/wrong";
 import { duration } from "./format";
-import { inboxOpen } from "./inbox-count";
+import { inboxOpen, useInboxCount } from "./inbox-count";
 import LivePage from "./pages/live";
 import { go, href, type Page, PAGES, route } from "./route";
 import { checkSession, session, signedIn, signOut } from "./session";
@@ -99,6 +99,7 @@ function Shown({ page, rest }: { page: Page; rest: string[] }) {
 }
 
 function Navigation({ current }: { current: string }) {
+  useInboxCount();
   return (
     <nav class="nav" aria-label={text.pages}>
       <ul>

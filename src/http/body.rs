@@ -36,6 +36,8 @@ use tokio::time::{sleep, timeout};
 
 /// Bytes of a form or of JSON beside the frame, or of JSON without one.
 const ENVELOPE_BYTES: usize = 16 << 10;
+/// Bytes of JSON that names frames: as many as one change moves.
+const LIST_BYTES: usize = 4 << 20;
 /// The most that is allocated because a caller said how long a body will be.
 const MAX_TRUSTED_BYTES: usize = 256 << 10;
 /// The longest body that is taken apart on the thread that received it, which takes a millisecond or two.
@@ -161,7 +163,23 @@ pub async fn read(app: &App, request: Request, limit: usize) -> Result<(Request,
 
 /// Reads the body of a request without frames: a little object of JSON, if there is one.
 pub async fn read_json<T: DeserializeOwned>(app: &App, request: Request) -> Result<Option<T>, BodyError> {
-    let (_, body) = receive(app, request, ENVELOPE_BYTES).await?;
+    read_json_within(app, request, ENVELOPE_BYTES).await
+}
+
+/// The same where it may name many frames.
+pub async fn read_json_list<T: DeserializeOwned>(
+    app: &App,
+    request: Request,
+) -> Result<Option<T>, BodyError> {
+    read_json_within(app, request, LIST_BYTES).await
+}
+
+async fn read_json_within<T: DeserializeOwned>(
+    app: &App,
+    request: Request,
+    limit: usize,
+) -> Result<Option<T>, BodyError> {
+    let (_, body) = receive(app, request, limit).await?;
     if body.bytes.is_empty() {
         return Ok(None);
     }

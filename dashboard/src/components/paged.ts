@@ -24,8 +24,6 @@ export interface Paged<T> {
   all: () => Promise<readonly T[]>;
   /** Loads again what was loaded. */
   reload: () => void;
-  /** Puts others in the place of what was loaded. */
-  edit: (change: (items: readonly T[]) => readonly T[], total: number) => void;
 }
 
 interface State<T> {
@@ -119,9 +117,5 @@ export function usePaged<T>(
   }, []);
 
   const reload = useCallback(() => setRound((n) => n + 1), []);
-  const edit: Paged<T>["edit"] = useCallback((change, total) => {
-    const { state } = latest.current;
-    put({ ...state, items: change(state.items), total });
-  }, []);
-  return { ...state, need, all, reload, edit };
+  return { ...state, need, all, reload };
 }

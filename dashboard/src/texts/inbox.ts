@@ -86,7 +86,7 @@ export const text = {
   nearestLead:
     "If one of these is in the wrong room, the training frame is what is wrong: move it here.",
   nearestNone: "The model names no training frames that are like it.",
-  nearestOf: (room: string, nearness: string) => `${room}, ${nearness} alike`,
+  nearestOf: (room: string, nearness: string) => `${room}, ${nearness}`,
   moveTraining: "Move …",
   removeTraining: (frame: string) => `Remove the training frame ${frame}`,
 

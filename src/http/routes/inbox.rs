@@ -4,7 +4,7 @@ use crate::engine::answers::{Asked, answers};
 use crate::engine::doubts::{DoubtedAnswer, DoubtedFrame, wrong};
 use crate::http::App;
 use crate::http::blocking::blocking;
-use crate::http::body::{BodyError, OneFrame, read_json};
+use crate::http::body::{BodyError, OneFrame, read_json, read_json_list};
 use crate::http::by::By;
 use crate::http::openapi::{AddProblems, FrameProblems, ImageBytes, TeachingProblems};
 use crate::http::picture;
@@ -168,7 +168,7 @@ pub async fn label_frames(
     request: Request,
 ) -> Result<Json<LabeledFrames>, Problem> {
     let empty = || BodyError::Malformed("send the data set, the room and the frames as JSON".to_owned());
-    let wanted = read_json::<LabelsJson>(&app, request).await?.ok_or_else(empty)?;
+    let wanted = read_json_list::<LabelsJson>(&app, request).await?.ok_or_else(empty)?;
     blocking(&app, move |app| {
         let labeled = app.teaching()?.inbox.label(by.who(), &wanted)?;
         let n_labeled = labeled.labeled.len();
@@ -193,7 +193,7 @@ pub async fn label_frames(
 )]
 pub async fn discard_frames(State(app): State<App>, request: Request) -> Result<Json<Discarded>, Problem> {
     let empty = || BodyError::Malformed("send the frames as JSON".to_owned());
-    let DiscardJson { frames } = read_json(&app, request).await?.ok_or_else(empty)?;
+    let DiscardJson { frames } = read_json_list(&app, request).await?.ok_or_else(empty)?;
     let discarded = blocking(&app, move |app| {
         let teaching = app.teaching()?;
         let discarded = teaching.inbox.discard(&frames)?;

@@ -2,7 +2,7 @@
 
 use crate::http::App;
 use crate::http::blocking::blocking;
-use crate::http::body::{BodyError, NamedFrame, NamedFrames, read_json};
+use crate::http::body::{BodyError, NamedFrame, NamedFrames, read_json_list};
 use crate::http::by::By;
 use crate::http::openapi::{AddProblems, BatchForm, ImageBytes, TeachingProblems};
 use crate::http::picture;
@@ -186,7 +186,7 @@ pub async fn change_set(
     request: Request,
 ) -> Result<Json<SetChange>, Problem> {
     let empty = || BodyError::Malformed("send what is to be changed, as JSON".to_owned());
-    let change = read_json::<ChangeJson>(&app, request).await?.ok_or_else(empty)?;
+    let change = read_json_list::<ChangeJson>(&app, request).await?.ok_or_else(empty)?;
     blocking(&app, move |app| {
         let change = app.teaching()?.sets.change(&set, by.who(), change)?;
         app.engine.events.tell(Event::SetChanged { set: set.clone() });

@@ -83,7 +83,7 @@ function ChoiceBar(props: { choice: Choice; onChoose: (choice: Choice) => void }
 
 /** How many there are; how many of them are lost is also told aloud. */
 function Counts() {
-  if (changes.value === 0) return null;
+  if (changes.value === 0 || entries.size === 0) return null;
   const robots = [...entries.values()].map(({ robot }) => robot.peek());
   const lost = robots.filter((robot) => robot.connected && robot.lost).length;
   const left = robots.filter((robot) => !robot.connected).length;

@@ -59,13 +59,13 @@ export function ComparePage({ left, right }: { left?: string; right?: string }) 
       <div class="stack">
         <div class="fields form">
           <SelectField
-            label={text.left}
+            label={text.first}
             value={left ?? ""}
             options={options}
             onChange={(value) => choose(value, right)}
           />
           <SelectField
-            label={text.right2}
+            label={text.second}
             value={right ?? ""}
             options={options}
             onChange={(value) => choose(left, value)}

@@ -1,8 +1,8 @@
+import { Audit } from "../../components/audit-list";
 import { PageHead } from "../../components/layout";
 import { Tabs } from "../../components/tabs";
 import { go, href, route } from "../../route";
 import { text } from "../../texts/models";
-import { Audit } from "./audit-list";
 import { ComparePage } from "./compare-page";
 import "./models.css";
 import { ModelList } from "./model-list";

@@ -1,10 +1,11 @@
 import type { PageProps } from "../../app";
+import { Audit } from "../../components/audit-list";
 import { PageHead } from "../../components/layout";
 import { Tabs } from "../../components/tabs";
 import { go, href } from "../../route";
+import { text as auditText } from "../../texts/audit";
 import { text } from "../../texts/service";
 import { About } from "./about";
-import { Audit } from "./audit";
 import { Keys } from "./keys";
 import { Overview } from "./overview";
 import "./service.css";
@@ -12,7 +13,7 @@ import "./service.css";
 const SECTIONS = {
   overview: { label: text.overview, component: Overview },
   keys: { label: text.keys, component: Keys },
-  audit: { label: text.audit, component: Audit },
+  audit: { label: auditText.title, component: Audit },
   about: { label: text.about, component: About },
 };
 

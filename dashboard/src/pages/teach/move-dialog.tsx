@@ -31,7 +31,7 @@ export function MoveDialog({ rooms, frames, onMove, onClose }: MoveDialogProps) 
         <fieldset class="choices">
           <legend class="hidden">{text.moveTitle(frames)}</legend>
           {rooms.map((name) => (
-            <label key={name} class="choice">
+            <label key={name}>
               <input
                 type="radio"
                 name={group}
@@ -42,7 +42,7 @@ export function MoveDialog({ rooms, frames, onMove, onClose }: MoveDialogProps) 
               <span class="clip">{name}</span>
             </label>
           ))}
-          <label class="choice">
+          <label>
             <input
               type="radio"
               name={group}

@@ -1,20 +1,20 @@
 import { useState } from "preact/hooks";
-import { type AuditEntry, listAudit } from "../../api/audit";
-import { Button } from "../../components/button";
-import { Busy, EmptyState, ErrorNote } from "../../components/layout";
-import { Table } from "../../components/table";
-import { dateTime } from "../../format";
-import { useAction, useLoad } from "../../hooks";
-import { service } from "../../session";
-import { text as common } from "../../texts/common";
-import { text } from "../../texts/service";
+import { type AuditEntry, listAudit } from "../api/audit";
+import { dateTime } from "../format";
+import { useAction, useLoad } from "../hooks";
+import { service } from "../session";
+import { text } from "../texts/audit";
+import { text as common } from "../texts/common";
+import { Button } from "./button";
+import { Busy, EmptyState, ErrorNote } from "./layout";
+import { Table } from "./table";
 
 const PAGE = 100;
 
 /** Who changed what, the newest first. */
 export function Audit() {
   if (service.value?.data === false) {
-    return <EmptyState icon="service" title={text.auditNotHere} text={common.noData} />;
+    return <EmptyState icon="service" title={text.notKept} text={common.noData} />;
   }
   return <AuditList />;
 }
@@ -33,20 +33,20 @@ function AuditList() {
   const entries = [...(first.data?.entries ?? []), ...(older?.entries ?? [])];
   return (
     <div class="stack">
-      <p class="muted">{text.auditLead}</p>
+      <p class="muted">{text.lead}</p>
       {first.error !== undefined && <ErrorNote error={first.error} onRetry={first.reload} />}
       {!first.data && first.loading && <Busy />}
-      {first.data && entries.length === 0 && <EmptyState icon="check" title={text.auditNone} />}
+      {first.data && entries.length === 0 && <EmptyState icon="check" title={text.none} />}
       {entries.length > 0 && (
         <div class="card padded">
           <Table
-            label={text.audit}
+            label={text.title}
             head={[text.when, text.who, text.what, text.target, text.detail]}
             rows={entries.map(({ id, at, who, what, target, detail }) => ({
               key: String(id),
               cells: [
                 <span class="number">{dateTime(at)}</span>,
-                who || text.everybody,
+                who || text.anyone,
                 text.actions[what] ?? what,
                 target,
                 detail,
