@@ -42,3 +42,52 @@ fn is_topic(text: &str) -> bool {
     };
     text.len() <= MAX_TOPIC_BYTES && text.split('/').all(is_part)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(settings: &Settings) -> &'static str {
+        match settings.check_outside() {
+            Err(SettingsError::Wrong { name, .. }) => name,
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_told_is_refused_at_the_start() {
+        let defaults = Settings::default();
+        defaults.check_outside().unwrap();
+        let hook = |url: &str| Settings { webhooks: vec![url.to_owned()], ..Settings::default() };
+        hook("https://ops.lab/hook?token=1").check_outside().unwrap();
+        for wrong in ["ops.lab", "ftp://ops.lab", ""] {
+            assert_eq!(refused(&hook(wrong)), "webhooks", "{wrong}");
+        }
+        let many = vec!["http://ops.lab".to_owned(); MAX_WEBHOOKS + 1];
+        assert_eq!(refused(&Settings { webhooks: many, ..Settings::default() }), "webhooks");
+        assert_eq!(refused(&Settings { mqtt: "http://home".into(), ..Settings::default() }), "mqtt");
+        for wrong in ["", "/a", "a/", "a//b", "a/#", "a b"] {
+            let settings = Settings { mqtt_prefix: wrong.to_owned(), ..Settings::default() };
+            assert_eq!(refused(&settings), "mqtt_prefix", "{wrong}");
+        }
+        Settings { mqtt_discovery: String::new(), ..Settings::default() }.check_outside().unwrap();
+        assert_eq!(
+            refused(&Settings { mqtt_discovery: "+".to_owned(), ..Settings::default() }),
+            "mqtt_discovery"
+        );
+    }
+
+    #[test]
+    fn secrets_that_change_are_told_by_name_and_not_shown() {
+        let with = |secret: &str, mqtt: &str| Settings {
+            webhook_secret: secret.into(),
+            mqtt: mqtt.into(),
+            ..Settings::default()
+        };
+        let (old, new) = (with("one", "mqtt://me:one@home"), with("other", "mqtt://me:other@home"));
+        assert_eq!(old.changes_to(&new).unwrap(), ["webhook_secret", "mqtt"]);
+        assert!(old.changes_to(&old).unwrap().is_empty());
+        let shown = old.to_toml().unwrap();
+        assert!(shown.contains("(hidden)") && !shown.contains("one"), "{shown}");
+    }
+}
