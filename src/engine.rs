@@ -17,6 +17,7 @@
 //! | `history` | the last hour of it |
 //! | `aside` | work that stands aside for frames |
 //! | `timings`, `spans`, `text` | where time goes, for answers and for traces; names that callers give |
+//! | `told` | what the core says, as it travels |
 
 pub mod answer;
 pub mod answers;
@@ -39,6 +40,7 @@ pub mod streams;
 pub mod text;
 pub mod thumbnails;
 pub mod timings;
+pub mod told;
 pub mod watch;
 
 use crate::access::Keyring;

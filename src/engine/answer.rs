@@ -1,12 +1,12 @@
 //! What callers read of what was seen in a frame.
 
 use super::recognize::{Reasons, Seen};
+use super::told::{by_probability, unknown};
 use crate::problem::Problem;
 use roomsight_protocol::rest::{
-    Answer, BatchResult, FramePose, KeypointEvidence, ModelName, NearestFrame, RecognizeQuery,
-    RoomProbability, TimingsMs, Unknown,
+    Answer, BatchResult, FramePose, KeypointEvidence, ModelName, NearestFrame, RecognizeQuery, TimingsMs,
 };
-use roomsight_recognition::model::{self, Evidence, NearFrame, Pose, PoseEstimate};
+use roomsight_recognition::model::{Evidence, NearFrame, Pose, PoseEstimate};
 
 /// What a caller reads of what was seen.
 pub fn answer(seen: Seen, query: &RecognizeQuery, request_id: &str) -> Answer {
@@ -54,26 +54,6 @@ impl Why {
             pose: pose.map(posed),
         }
     }
-}
-
-/// Why an answer is not known, as it travels.
-pub fn unknown(why: model::Unknown) -> Unknown {
-    match why {
-        model::Unknown::Unsure => Unknown::Unsure,
-        model::Unknown::NewPlace => Unknown::NewPlace,
-        model::Unknown::NoDetail => Unknown::NoDetail,
-        model::Unknown::Dark => Unknown::Dark,
-        model::Unknown::Covered => Unknown::Covered,
-    }
-}
-
-/// The `top` most probable rooms, or all, the most probable first.
-pub fn by_probability(rooms: &[String], probabilities: &[f32], top: Option<usize>) -> Vec<RoomProbability> {
-    let mut order: Vec<usize> = (0..probabilities.len()).collect();
-    order.sort_by(|&a, &b| probabilities[b].total_cmp(&probabilities[a]));
-    order.truncate(top.unwrap_or(usize::MAX));
-    let room = |idx: usize| RoomProbability { room: rooms[idx].clone(), probability: probabilities[idx] };
-    order.into_iter().map(room).collect()
 }
 
 /// What a caller reads of one frame of a batch.

@@ -1,7 +1,7 @@
 //! The frames of one request and their answers, whatever protocol brought them.
 
 use super::caller::CallerId;
-use super::doubts::{DoubtedAnswer, OtherRooms};
+use super::doubts::OtherRooms;
 use super::frame::Frame;
 use super::recognize::{Shown, Task};
 use super::robots::{LastAnswer, RobotRecord};
@@ -63,7 +63,7 @@ pub async fn answers(
     for seen in waiting {
         let answer = seen.await.map(|seen| {
             if let Some(doubtable) = &seen.doubtable {
-                engine.doubts.consider(doubtable, DoubtedAnswer::of(&seen), OtherRooms::default());
+                engine.doubts.consider(doubtable, seen.doubted_answer(), OtherRooms::default());
             }
             answer::answer(seen, &asked.query, &asked.request_id)
         });

@@ -1,9 +1,6 @@
 //! Frames that the model doubted, for whoever keeps them: by a rule, so many of a robot at most, and never in the way of a
 //! frame.
 
-use crate::engine::answer::{by_probability, unknown};
-use crate::engine::recognize::Seen;
-use crate::engine::registry::ServedModel;
 use arc_swap::ArcSwapOption;
 use bytes::Bytes;
 use roomsight_protocol::inbox::{Doubt, InboxRule};
@@ -18,7 +15,7 @@ use std::time::{Duration, Instant};
 /// Rooms are torn where the second is so many times as probable as the first, or more.
 const TORN: f32 = 0.6;
 /// The rooms that are kept of an answer.
-const N_ROOMS: usize = 3;
+pub const N_ROOMS: usize = 3;
 /// The most senders whose last frame is remembered; with more, the rule of time begins anew for all.
 const MAX_SENDERS: usize = 10_000;
 
@@ -54,23 +51,6 @@ pub struct DoubtedAnswer {
     pub probabilities: Vec<RoomProbability>,
     pub novelty: Option<f32>,
     pub model: PublishedVersion,
-}
-
-impl DoubtedAnswer {
-    /// Of what was seen in a frame.
-    pub fn of(seen: &Seen) -> Self {
-        let recognition = &seen.recognition;
-        let ServedModel { name, version, model, .. } = &*seen.served;
-        Self {
-            room: seen.room().to_owned(),
-            known: recognition.known,
-            unknown: recognition.unknown.map(unknown),
-            probability: recognition.probabilities[recognition.room_idx],
-            probabilities: by_probability(model.rooms(), &recognition.probabilities, Some(N_ROOMS)),
-            novelty: recognition.novelty,
-            model: PublishedVersion { name: name.clone(), version: *version },
-        }
-    }
 }
 
 /// A frame that is to be kept.

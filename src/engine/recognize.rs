@@ -1,14 +1,16 @@
 //! The one path from bytes to an answer, whatever brought the bytes.
 
 use crate::engine::Engine;
-use crate::engine::doubts::{Doubtable, DoubtedAnswer, OtherRooms, Sender};
+use crate::engine::doubts::{Doubtable, DoubtedAnswer, N_ROOMS, OtherRooms, Sender};
 use crate::engine::frame::Frame;
 use crate::engine::metrics::{FrameOutcome, Transport};
 use crate::engine::pool::{Panicked, QueueFull, Slot, Undone};
 use crate::engine::registry::{ServedModel, ShadowPermit, distance};
 use crate::engine::robots::RobotRecord;
 use crate::engine::timings::Timings;
+use crate::engine::told::{by_probability, unknown};
 use crate::problem::{Kind, Problem};
+use roomsight_protocol::training::PublishedVersion;
 use roomsight_recognition::model::{Evidence, NearFrame, PoseEstimate, Recognition, Scratch};
 use roomsight_vision::image::{Image, ImageError};
 use std::cell::Cell;
@@ -63,6 +65,21 @@ impl Seen {
     /// The most probable room.
     pub fn room(&self) -> &str {
         &self.served.model.rooms()[self.recognition.room_idx]
+    }
+
+    /// What of it is kept with a frame that is doubted.
+    pub fn doubted_answer(&self) -> DoubtedAnswer {
+        let recognition = &self.recognition;
+        let ServedModel { name, version, model, .. } = &*self.served;
+        DoubtedAnswer {
+            room: self.room().to_owned(),
+            known: recognition.known,
+            unknown: recognition.unknown.map(unknown),
+            probability: recognition.probabilities[recognition.room_idx],
+            probabilities: by_probability(model.rooms(), &recognition.probabilities, Some(N_ROOMS)),
+            novelty: recognition.novelty,
+            model: PublishedVersion { name: name.clone(), version: *version },
+        }
     }
 }
 
@@ -240,13 +257,13 @@ pub fn look(
     seen.doubtable = doubtable;
     if let Some(permit) = engine.registry.permit_in_shadow(&seen.served) {
         let (seen, looking) = (seen.clone(), engine.clone());
-        engine.pool.queue_shadow(move || compare(&looking, permit, &image, seen));
+        engine.pool.queue_shadow(move || compare(&looking, permit, &image, &seen));
     }
     Ok(seen)
 }
 
 /// Lets a shadow see a frame that was recognized, and notes whether it agrees.
-fn compare(engine: &Engine, permit: ShadowPermit, image: &Image, seen: Seen) {
+fn compare(engine: &Engine, permit: ShadowPermit, image: &Image, seen: &Seen) {
     let shadow = permit.shadow().served.clone();
     let other = see(shadow.clone(), false, image);
     let (rooms, other_rooms) = (seen.served.model.rooms(), shadow.model.rooms());
@@ -254,7 +271,7 @@ fn compare(engine: &Engine, permit: ShadowPermit, image: &Image, seen: Seen) {
     permit.compared(agrees, distance((rooms, &seen.recognition), (other_rooms, &other.recognition)));
     if !agrees && let Some(doubtable) = &seen.doubtable {
         let others = OtherRooms { shadow: Some(other.room().to_owned()), ..OtherRooms::default() };
-        engine.doubts.consider(doubtable, DoubtedAnswer::of(&seen), others);
+        engine.doubts.consider(doubtable, seen.doubted_answer(), others);
     }
 }
 

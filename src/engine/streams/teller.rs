@@ -6,12 +6,13 @@ use super::ledger::Accepted;
 use super::message::text;
 use super::moment::{Elapsed, Moment};
 use crate::engine::Engine;
-use crate::engine::answer::{answer, by_probability};
-use crate::engine::doubts::{DoubtedAnswer, OtherRooms};
+use crate::engine::answer::answer;
+use crate::engine::doubts::OtherRooms;
 use crate::engine::recognize::Seen;
 use crate::engine::registry::ServedModel;
 use crate::engine::robots::RobotRecord;
 use crate::engine::timings::ms;
+use crate::engine::told::by_probability;
 use crate::settings::Settings;
 use roomsight_protocol::event::AnswerEvent;
 use roomsight_protocol::rest::{ModelName, RecognizeQuery};
@@ -85,7 +86,7 @@ impl Teller {
         if let Some(doubtable) = &seen.doubtable {
             let room = filtered.as_ref().map(|filtered| filtered.told.room.clone());
             let others = OtherRooms { filtered: room, ..OtherRooms::default() };
-            engine.doubts.consider(doubtable, DoubtedAnswer::of(&seen), others);
+            engine.doubts.consider(doubtable, seen.doubted_answer(), others);
         }
         let answer = answer(seen, &query, &self.stream);
         let filtered = filtered.map(|filtered| filtered.told);
