@@ -97,11 +97,11 @@ function step(it) {
   it.frame += 1;
   it.frames.accepted += 2;
   it.frames.results += 2;
-  if (Math.random() < 0.04) {
+  if (Math.random() < 0.02) {
     it.room = any(DOORS[it.room]);
     it.since = Date.now();
   }
-  if (Math.random() < 0.03) {
+  if (Math.random() < (it.known ? 0.002 : 0.02)) {
     it.known = !it.known;
     it.unknown = any(REASONS);
     it.unknownSince = Date.now();

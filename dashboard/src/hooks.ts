@@ -93,6 +93,26 @@ export function useWidth<E extends Element>() {
   return { ref, width };
 }
 
+/** A value that changes often, at most once in so many milliseconds. */
+export function useSeldom<T>(value: T, every: number): T {
+  const [shown, setShown] = useState(value);
+  const newest = useRef(value);
+  newest.current = value;
+  const timer = useRef<ReturnType<typeof setTimeout>>(undefined);
+  const shownAt = useRef(0);
+  useEffect(() => {
+    if (Object.is(value, shown) || timer.current !== undefined) return;
+    const wait = Math.max(0, shownAt.current + every - performance.now());
+    timer.current = setTimeout(() => {
+      timer.current = undefined;
+      shownAt.current = performance.now();
+      setShown(newest.current);
+    }, wait);
+  }, [value, shown, every]);
+  useEffect(() => () => clearTimeout(timer.current), []);
+  return shown;
+}
+
 /** Whether an element is in view, or almost. */
 export function useInView<E extends Element>() {
   const ref = useRef<E>(null);

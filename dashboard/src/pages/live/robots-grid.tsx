@@ -2,6 +2,7 @@ import { useMemo } from "preact/hooks";
 import { Button } from "../../components/button";
 import { EmptyState } from "../../components/layout";
 import { VirtualGrid } from "../../components/virtual";
+import { useSeldom } from "../../hooks";
 import { text } from "../../texts/live";
 import { CARD_HEIGHT, CARD_WIDTH, RobotCard } from "./card";
 import { type Choice, compareRobots, isChosen } from "./order";
@@ -11,10 +12,12 @@ import { changes, type Entry, entries } from "./store";
 const MANY = 16;
 const OFTEN_MS = 1000;
 const SELDOM_MS = 2000;
+const SORTED_EVERY_MS = 2000;
 
 /** The cards of all robots that are chosen, the lost ones first. */
 export function RobotsGrid({ choice, onShowAll }: { choice: Choice; onShowAll: () => void }) {
-  const round = changes.value;
+  // Cards that jumped about at every change could not be read.
+  const round = useSeldom(changes.value, SORTED_EVERY_MS);
   const shown = useMemo(
     () =>
       [...entries.values()]

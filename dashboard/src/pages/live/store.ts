@@ -1,6 +1,7 @@
 import { batch, type Signal, signal } from "@preact/signals";
 import { type FeedState, openFeed } from "../../api/feed";
 import { type LiveMessage, listRobots, type Robot, type RobotInfo } from "../../api/live";
+import { Pace } from "./pace";
 import { extended, type Stretch } from "./ribbon";
 
 /** One robot, as the page keeps it. */
@@ -9,10 +10,12 @@ export interface Entry {
   ribbon: Stretch[];
   /** How many parts of the page show it now. */
   watchers: number;
+  /** When it was drawn last, by the browser's clock. */
+  drawnAt: number;
 }
 
 /** At most so many robots in view are drawn anew in one animation frame. */
-const DRAWN_A_FRAME = 8;
+const DRAWN_A_FRAME = 4;
 
 /** All robots by id. */
 export const entries = new Map<string, Entry>();
@@ -29,7 +32,9 @@ export const lostEvents = signal(0);
 export const now = signal(0);
 
 const pending = new Map<string, Robot>();
+const pace = new Pace();
 let frame = 0;
+let timer: ReturnType<typeof setTimeout> | undefined;
 
 /** What lists and graphs show of a robot. */
 const summary = ({ room, known, lost, connected }: Robot) =>
@@ -38,7 +43,12 @@ const summary = ({ room, known, lost, connected }: Robot) =>
 function show(robot: Robot): void {
   const entry = entries.get(robot.id);
   if (!entry) {
-    entries.set(robot.id, { robot: signal(robot), ribbon: ribbonAfter([], robot), watchers: 0 });
+    entries.set(robot.id, {
+      robot: signal(robot),
+      ribbon: ribbonAfter([], robot),
+      watchers: 0,
+      drawnAt: 0,
+    });
     changes.value += 1;
     return;
   }
@@ -54,24 +64,41 @@ function ribbonAfter(ribbon: Stretch[], robot: Robot): Stretch[] {
   return extended(ribbon, { room, known }, now.peek() - robot.last_seen_s * 1000);
 }
 
-/** Shows what came since the last animation frame; where many robots are in view, over several of them. */
-function flush(): void {
+/**
+ * Shows what came since the last animation frame. A robot in view that changed its room is shown at once; one whose
+ * numbers alone changed about once a second; where many are in view, over several frames.
+ */
+function flush(at: number): void {
   frame = 0;
+  let left = DRAWN_A_FRAME;
   batch(() => {
-    let left = DRAWN_A_FRAME;
     for (const [id, robot] of pending) {
-      const isWatched = (entries.get(id)?.watchers ?? 0) > 0;
-      if (isWatched && left === 0) continue;
-      if (isWatched) left -= 1;
+      const entry = entries.get(id);
+      if (entry && entry.watchers > 0) {
+        const isSmall = summary(entry.robot.peek()) === summary(robot);
+        if (isSmall && at - entry.drawnAt < pace.everyMs()) continue;
+        if (left === 0) continue;
+        left -= 1;
+        entry.drawnAt = at;
+      }
       pending.delete(id);
       show(robot);
     }
   });
-  if (pending.size > 0) flushSoon();
+  if (left === 0) flushSoon();
+  else if (pending.size > 0) {
+    clearTimeout(timer);
+    timer = setTimeout(flushSoon, pace.everyMs());
+  }
 }
 
 function flushSoon(): void {
-  if (frame === 0) frame = requestAnimationFrame(flush);
+  if (frame !== 0) return;
+  const asked = performance.now();
+  frame = requestAnimationFrame((at) => {
+    pace.waited(performance.now() - asked);
+    flush(at);
+  });
 }
 
 function take(message: LiveMessage, isAll: boolean): void {
@@ -130,6 +157,7 @@ export function follow(): () => void {
   return () => {
     stop();
     cancelAnimationFrame(frame);
+    clearTimeout(timer);
     frame = 0;
     pending.clear();
   };
