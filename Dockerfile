@@ -6,7 +6,15 @@
 #
 # Models that are uploaded stay in the volume of /opt/roomsight/models: -v rooms:/opt/roomsight/models keeps it. A
 # folder of the host in its place must be readable, and for uploads writable, for the user 10001. Models from a
-# bucket (-e ROOMSIGHT_MODELS=s3://BUCKET/PREFIX) are kept in the volume of /opt/roomsight/models-cache.
+# bucket (-e ROOMSIGHT_MODELS=s3://BUCKET/PREFIX) are kept in the volume of /opt/roomsight/models-cache. What people teach on
+# the page stays in the volume of /opt/roomsight/data.
+
+FROM node:20-bookworm-slim AS page
+WORKDIR /src/dashboard
+COPY dashboard/package.json dashboard/package-lock.json ./
+RUN npm ci --no-audit --no-fund
+COPY dashboard .
+RUN npm run build
 
 FROM rust:1-slim-bookworm AS build
 WORKDIR /src
@@ -18,10 +26,13 @@ COPY crates/protocol/Cargo.toml crates/protocol/
 COPY crates/recognition/Cargo.toml crates/recognition/
 COPY crates/vision/Cargo.toml crates/vision/
 COPY benches benches
+COPY build.rs ./
+COPY dashboard/dist dashboard/dist
 RUN mkdir src && echo 'fn main() {}' > src/main.rs && touch src/lib.rs \
     && for crate in crates/*; do mkdir $crate/src && touch $crate/src/lib.rs; done \
     && cargo build --profile dist --locked --bin roomsight && rm -r src crates/*/src
 COPY . .
+COPY --from=page /src/dashboard/dist/page dashboard/dist/page
 # Files keep the times that they had, which may be before those of what was built of nothing.
 RUN touch src/*.rs crates/*/src/lib.rs crates/lab/build.rs && cargo build --profile dist --locked --bin roomsight
 
@@ -33,11 +44,11 @@ COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/
 COPY --from=build /src/target/dist/roomsight /usr/local/bin/roomsight
 WORKDIR /opt/roomsight
 COPY --chown=10001:10001 models models
-RUN install -d -o 10001 -g 10001 models models-cache
+RUN install -d -o 10001 -g 10001 models models-cache data
 # As a number, so that Kubernetes sees that it is not root.
 USER 10001:10001
-VOLUME ["/opt/roomsight/models", "/opt/roomsight/models-cache"]
-ENV ROOMSIGHT_LISTEN=0.0.0.0:8080
+VOLUME ["/opt/roomsight/models", "/opt/roomsight/models-cache", "/opt/roomsight/data"]
+ENV ROOMSIGHT_LISTEN=0.0.0.0:8080 ROOMSIGHT_DATA=data
 EXPOSE 8080
 # `health` asks where the settings say, and waits for 4 s at most.
 HEALTHCHECK --interval=10s --timeout=5s --start-period=10s CMD ["roomsight", "health"]
