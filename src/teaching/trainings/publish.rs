@@ -3,6 +3,7 @@
 use super::MODEL_FOLDER;
 use super::run::Beside;
 use crate::engine::Engine;
+use crate::engine::metrics::TrainingOutcome;
 use crate::engine::registry::ChangeError;
 use crate::repository::{RepositoryError, package};
 use crate::teaching::{Teaching, TeachingError, Who};
@@ -40,7 +41,14 @@ impl Trainer {
 
     /// Tells dashboards and metrics that a training began or ended.
     fn tell(&self, TrainingInfo { id, model, state, .. }: &TrainingInfo) {
-        self.engine.metrics.beside().training(*state == TrainingState::Running);
+        let metrics = &self.engine.metrics;
+        metrics.beside().training(*state == TrainingState::Running);
+        match state {
+            TrainingState::Running => {}
+            TrainingState::Done => metrics.trained(TrainingOutcome::Done),
+            TrainingState::Failed => metrics.trained(TrainingOutcome::Failed),
+            TrainingState::Cancelled => metrics.trained(TrainingOutcome::Cancelled),
+        }
         self.engine.events.tell(Event::Training { id: *id, model: model.clone(), state: *state });
     }
 
