@@ -190,6 +190,12 @@ pub struct LearningPolicy {
     /// The model that gets a version.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model: Option<String>,
+    /// How much a frame may cost.
+    #[serde(default)]
+    pub effort: TrainingEffort,
+    /// What made the frames; left out: an ordinary lens.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<TrainingCamera>,
     /// Train when so many frames were labelled since the last training; 0: never.
     #[serde(default)]
     pub train_after: u64,

@@ -6,7 +6,7 @@ use crate::repository::{Canary, Change};
 use crate::teaching::{TeachingError, Who};
 use roomsight_protocol::audit::Deed;
 use roomsight_protocol::training::{
-    LearningPolicy, PublishAs, PublishedVersion, TrainingEffort, TrainingInfo, TrainingJson, TrainingState,
+    LearningPolicy, PublishAs, PublishedVersion, TrainingInfo, TrainingJson, TrainingState,
 };
 use roomsight_protocol::version_id::is_name;
 
@@ -65,7 +65,7 @@ impl Trainer {
             return Ok(());
         }
         let (set, model) = (wanted_set.clone(), model.clone());
-        let wanted = TrainingJson { set, model, effort: TrainingEffort::Default, camera: None };
+        let wanted = TrainingJson { set, model, effort: policy.effort, camera: policy.camera };
         let info = self.begin(POLICY_ITSELF, &wanted)?;
         self.teaching.audit.note(
             POLICY_ITSELF,

@@ -2,7 +2,7 @@
 //! killed.
 
 use crate::http::command::Running;
-use crate::http::service::{SOON, client, problem, room, success};
+use crate::http::service::{SOON, client, pgm, problem, room, success};
 use reqwest::{Method, Response};
 use serde_json::{Value, json};
 use std::fs;
@@ -173,6 +173,65 @@ async fn rooms_are_taught_trained_served_corrected_and_served_better() {
         "set_created",
     ];
     assert_eq!(done, expected);
+}
+
+#[tokio::test]
+async fn doubted_frames_come_into_the_inbox_by_the_rule_and_labels_lead_to_a_shadow_by_the_policy() {
+    let taught = Taught::start();
+    taught.teach(8).await;
+    taught.train().await;
+    taught.post("/v1/trainings/1/publish", json!({})).await;
+    taught.call(Method::POST, "/v1/models/home/versions/1/activate", None).await.error_for_status().unwrap();
+    let odd = |shade: u32| pgm(96, 72, move |x, y| ((x * 7 + y * 13 + shade) % 251) as u8);
+    let send = async |robot: &str, shade: u32| {
+        let answer = taught.post_picture(&format!("/v1/recognize?robot={robot}"), odd(shade)).await;
+        assert_eq!(success(answer).await["known"], false);
+    };
+    let n_open = async || taught.get("/v1/inbox").await["open"].as_u64().unwrap();
+    send("eve", 1).await;
+    assert_eq!(n_open().await, 0, "nothing is kept until somebody says so");
+    let rule = json!({"robots": ["eve"], "every_s": 0});
+    let told = success(taught.call(Method::PUT, "/v1/inbox/rule", Some(rule)).await).await;
+    assert_eq!(
+        (&told["all"], &told["max_days"]),
+        (&json!(false), &json!(30)),
+        "what is left out is as usual"
+    );
+    for shade in 0..3 {
+        send("eve", shade).await;
+        send("wall-e", 100 + shade).await;
+    }
+    let until = Instant::now() + SOON;
+    while n_open().await < 3 {
+        assert!(Instant::now() < until);
+        sleep(Duration::from_millis(20)).await;
+    }
+    let inbox = taught.get("/v1/inbox?reason=unknown").await;
+    let frames = inbox["frames"].as_array().unwrap();
+    assert!(frames.len() == 3 && frames.iter().all(|frame| frame["robot"] == "eve"), "{inbox}");
+    let picture = format!("{}/v1/inbox/{}/picture", taught.running.url, frames[0]["id"]);
+    let picture = client().get(picture).send().await.unwrap();
+    assert!(picture.headers()["cache-control"].to_str().unwrap().contains("private"));
+
+    let policy =
+        json!({"set": "home", "model": "home", "train_after": 3, "publish": "shadow", "effort": "fast"});
+    success(taught.call(Method::PUT, "/v1/inbox/policy", Some(policy)).await).await;
+    let seen: Vec<Value> =
+        frames.iter().map(|frame| json!({"id": frame["id"], "revision": frame["revision"]})).collect();
+    for (n_labels, seen) in [(2, &seen[..2]), (3, &seen[2..])] {
+        assert_eq!(taught.get("/v1/trainings").await["trainings"].as_array().unwrap().len(), 1, "{n_labels}");
+        taught.post("/v1/inbox/labels", json!({"set": "home", "room": "attic", "frames": seen})).await;
+    }
+    let by_policy = taught.ended(&json!({"id": 2})).await;
+    assert_eq!((&by_policy["by"], &by_policy["state"]), (&json!("policy"), &json!("done")), "{by_policy}");
+    if by_policy["comparison"]["is_worse"] == false {
+        let until = Instant::now() + SOON;
+        while taught.get("/v1/models/home").await["versions"][0]["labels"] != json!(["shadow"]) {
+            assert!(Instant::now() < until, "{by_policy}");
+            sleep(Duration::from_millis(20)).await;
+        }
+    }
+    assert_eq!(taught.get("/v1/models/home").await["serving"], 1, "nothing that was trained so serves");
 }
 
 #[tokio::test]
