@@ -27,7 +27,7 @@ const settings = {
   max_bytes: 2 * 2 ** 30,
   max_days: 30,
 };
-let policy = { train_after: 0, publish: "nothing" };
+let policy = { train_after: 0, publish: "nothing", effort: "default" };
 
 const share = (seed) => ((seed * 2654435761) % 1000) / 1000;
 

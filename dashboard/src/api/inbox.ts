@@ -2,6 +2,7 @@
 
 import { address, call, fetchFrom } from "./client";
 import type { RoomProbability, Unknown } from "./recognize";
+import type { Camera, Effort } from "./trainings";
 
 export const REASONS = ["unknown", "low", "torn", "filter_apart", "shadow_apart", "wrong"] as const;
 export type Reason = (typeof REASONS)[number];
@@ -97,6 +98,8 @@ export const STEPS = ["nothing", "shadow", "canary", "stable"] as const;
 export interface Policy {
   set?: string;
   model?: string;
+  effort: Effort;
+  camera?: Camera;
   /** 0: never. */
   train_after: number;
   /** How far a trained version goes by itself. */

@@ -7,6 +7,7 @@ import { CheckField, SelectField, TextField } from "../../components/fields";
 import { Busy, ErrorNote, Note } from "../../components/layout";
 import { Radios } from "../../components/radios";
 import { toast } from "../../components/toasts";
+import { TrainingFields } from "../../components/training-fields";
 import { useAction, useLoad } from "../../hooks";
 import { blockedForData } from "../../session";
 import { text } from "../../texts/inbox";
@@ -77,6 +78,7 @@ function PolicyFields({ policy, onSaved }: PolicyFieldsProps) {
               suggestions={models.data?.models.map(({ name }) => name)}
               required
             />
+            <TrainingFields effort={draft.effort} camera={draft.camera} onChange={change} />
           </div>
           <Radios
             legend={text.policyPublish}

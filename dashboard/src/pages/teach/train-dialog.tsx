@@ -1,11 +1,12 @@
 import { useState } from "preact/hooks";
 import { listModels } from "../../api/models";
 import { ELSEWHERE, type Room } from "../../api/sets";
-import { CAMERAS, EFFORTS, startTraining, type Camera, type Effort } from "../../api/trainings";
+import { startTraining, type Camera, type Effort } from "../../api/trainings";
 import { Button } from "../../components/button";
 import { Dialog } from "../../components/dialog";
-import { SelectField, TextField } from "../../components/fields";
+import { TextField } from "../../components/fields";
 import { ErrorNote, Note } from "../../components/layout";
+import { TrainingFields } from "../../components/training-fields";
 import { useAction, useLoad } from "../../hooks";
 import { go } from "../../route";
 import { text as common } from "../../texts/common";
@@ -26,13 +27,12 @@ interface TrainDialogProps {
 /** Begins a training on a data set, and goes to it. */
 export function TrainDialog({ set, rooms, model: given, onClose }: TrainDialogProps) {
   const [typed, setTyped] = useState<string | undefined>(given);
-  const [effort, setEffort] = useState<Effort>("default");
-  const [camera, setCamera] = useState<Camera | "">("");
+  const [how, setHow] = useState<{ effort: Effort; camera?: Camera }>({ effort: "default" });
   const models = useLoad(listModels, []);
   const model = typed ?? models.data?.default ?? DEFAULT_MODEL;
   const hasTooFew = rooms && rooms.filter(({ name }) => name !== ELSEWHERE).length < 2;
   const { run, busy, error } = useAction(async () => {
-    const training = await startTraining({ set, model, effort, camera: camera || undefined });
+    const training = await startTraining({ set, model, ...how });
     go(trainingHref(training.id));
   });
   const submit = (event: Event) => {
@@ -57,21 +57,7 @@ export function TrainDialog({ set, rooms, model: given, onClose }: TrainDialogPr
           required
           maxLength={64}
         />
-        <SelectField
-          label={text.trainEffort}
-          value={effort}
-          options={EFFORTS.map((value) => ({ value, label: text.trainEfforts[value] }))}
-          onChange={(value) => setEffort(value as Effort)}
-        />
-        <SelectField
-          label={text.trainCamera}
-          value={camera}
-          options={["" as const, ...CAMERAS].map((value) => ({
-            value,
-            label: text.trainCameras[value],
-          }))}
-          onChange={(value) => setCamera(value as Camera | "")}
-        />
+        <TrainingFields {...how} onChange={(part) => setHow({ ...how, ...part })} />
         {error !== undefined && <ErrorNote error={error} />}
         <div class="dialog-foot">
           <Button onClick={onClose}>{common.cancel}</Button>
