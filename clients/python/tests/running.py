@@ -1,5 +1,6 @@
 """A running service of the example model, and a short drive through the lab that it knows."""
 
+import logging
 import os
 import socket
 import ssl
@@ -14,12 +15,19 @@ REPOSITORY = Path(__file__).resolve().parents[3]
 BINARY = os.environ.get("ROOMSIGHT", str(REPOSITORY / "target/debug/roomsight"))
 PATIENCE_S = 60.0
 
+# A busy machine is slow; asyncio would tell each time.
+logging.getLogger("asyncio").setLevel(logging.ERROR)
+
 
 class RunningService(unittest.TestCase):
     """What needs a service. It is started once for each class of tests."""
 
     #: Settings as ``NAME=VALUE``, beside the defaults.
     settings: "list[str]" = []
+    #: Where its models are.
+    models: Path = REPOSITORY / "models"
+    #: Further arguments of `serve`.
+    arguments: "list[str]" = []
     #: The authority of the service's certificate, where it has one.
     authority: "Path | None" = None
     folder: "tempfile.TemporaryDirectory[str]"
@@ -39,9 +47,8 @@ class RunningService(unittest.TestCase):
             free.bind(("127.0.0.1", 0))
             cls.address = f"127.0.0.1:{free.getsockname()[1]}"
         cls.url = f"{'https' if cls.authority else 'http'}://{cls.address}"
-        models = str(REPOSITORY / "models")
         cls.process = subprocess.Popen(
-            [BINARY, "serve", "--models", models, "--listen", cls.address]
+            [BINARY, "serve", "--models", str(cls.models), "--listen", cls.address, *cls.arguments]
             + [argument for setting in ["log_level=error", *cls.settings] for argument in ("--set", setting)]
         )
         cls.addClassCleanup(cls.process.wait)

@@ -3,7 +3,18 @@
 import json
 import unittest
 
-from roomsight import Dropped, Error, ProtocolError, Result, ResumePoint
+from roomsight import (
+    Dropped,
+    Error,
+    InboxChanged,
+    OtherEvent,
+    ProtocolError,
+    Result,
+    ResumePoint,
+    RoomChanged,
+    SetChanged,
+    TrainingChanged,
+)
 from roomsight.messages import (
     Position,
     configure_message,
@@ -13,6 +24,7 @@ from roomsight.messages import (
 )
 from roomsight.calls import refused
 from roomsight.errors import Refused
+from roomsight.events import read_event
 
 MODEL = {"name": "lab", "version": 1, "epoch": 1, "digest": "5f0c"}
 HELLO = {
@@ -95,3 +107,19 @@ class Messages(unittest.TestCase):
         assert isinstance(error, Refused)
         self.assertEqual((str(error), error.retry_after), ("X: y", 3.0))
         self.assertIsInstance(refused(502, b"<html>", None), ProtocolError)
+
+    def test_events_are_read_by_their_type(self) -> None:
+        told = {
+            '{"type": "room_changed", "id": "eve", "from": "hall", "to": "attic"}': RoomChanged("eve", "attic", before="hall"),
+            '{"type": "room_changed", "id": "eve", "to": "attic"}': RoomChanged("eve", "attic"),
+            '{"type": "training", "id": 3, "model": "home", "state": "done"}': TrainingChanged(3, "home", "done"),
+            '{"type": "inbox_changed", "open": 2}': InboxChanged(2),
+            '{"type": "set_changed", "set": "home"}': SetChanged("home"),
+            '{"type": "later", "from": 1}': OtherEvent("later", {"from": 1}),
+        }
+        for data, event in told.items():
+            self.assertEqual(read_event(f"data: {data}"), event)
+        self.assertIsNone(read_event("event: set_changed"))
+        for wrong in ['{"type": "set_changed"}', "[]", "{}", "no json"]:
+            with self.assertRaises(ProtocolError):
+                read_event(f"data: {wrong}")

@@ -2,7 +2,6 @@
 
 import asyncio
 import io
-import logging
 import shutil
 import socket
 import subprocess
@@ -19,9 +18,6 @@ from roomsight import AnswerEvent, AsyncClient, Client, ConnectionLost, Dropped,
 from running import PATIENCE_S, RunningService
 
 NO_IMAGE = b"this is no image"
-
-# A busy machine is slow; asyncio would tell each time.
-logging.getLogger("asyncio").setLevel(logging.ERROR)
 
 
 class Service(RunningService, unittest.IsolatedAsyncioTestCase):

@@ -19,11 +19,17 @@ from .calls import DEFAULT_URL, PATIENCE_S, Archive, Frame
 from .closing import AsyncClosing
 from .errors import ConnectionLost, ResumePoint, RoomsightError
 from .events import Event, read_event
+from .inbox import AsyncInbox
+from .keys import AsyncKeys
 from .messages import Hello, Message, Position
+from .service import ServiceCalls
+from .sets import AsyncSets
+from .steps import AsyncCaller
+from .trainings import AsyncTrainings
 from .types import Answer, Model, ModelList, Robot, RobotList, Version
 
 
-class AsyncClient(AsyncClosing):
+class AsyncClient(ServiceCalls, AsyncCaller, AsyncClosing):
     """A service that can be called, with a key where it asks for one. Close it, or use ``async with``.
 
     ``ssl`` is as for ``Client``.
@@ -35,12 +41,18 @@ class AsyncClient(AsyncClosing):
         self._url = calls.check_url(url)
         self._headers = calls.authorization(key)
         self._ssl = calls.tls(url, ssl)
-        self._http = httpx.AsyncClient(
-            base_url=self._url,
-            headers=self._headers,
-            timeout=PATIENCE_S,
-            verify=True if self._ssl is None else self._ssl,
+        super().__init__(
+            httpx.AsyncClient(
+                base_url=self._url,
+                headers=self._headers,
+                timeout=PATIENCE_S,
+                verify=True if self._ssl is None else self._ssl,
+            )
         )
+        self.sets = AsyncSets(self._http)
+        self.inbox = AsyncInbox(self._http)
+        self.trainings = AsyncTrainings(self._http)
+        self.keys = AsyncKeys(self._http)
         self._events: WeakSet[AsyncEvents] = WeakSet()
 
     async def recognize(
@@ -176,12 +188,6 @@ class AsyncClient(AsyncClosing):
         self, method: str, url: str, epoch: Optional[int] = None, body: Optional[dict[str, Any]] = None
     ) -> Model:
         return calls.read_answer(Model, await self._call(**calls.change_call(method, url, epoch, body)))
-
-    async def _call(self, method: str, url: str, **arguments: Any) -> httpx.Response:
-        try:
-            return await self._http.request(method, url, **arguments)
-        except httpx.HTTPError as error:
-            raise calls.lost(error) from error
 
     async def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> AsyncStream:
         # What was opened is closed again where the stream does not begin as it should.

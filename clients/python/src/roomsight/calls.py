@@ -91,26 +91,39 @@ def _encoded(picture: Picture) -> bytes:
     return b"%s %d %d 255\n" % (b"P5" if is_gray else b"P6", shape[1], shape[0]) + picture.tobytes()
 
 
+def given(values: dict[str, Any]) -> dict[str, Any]:
+    """Those that are not None."""
+    return {name: value for name, value in values.items() if value is not None}
+
+
 def recognize_call(frame: Frame, query: dict[str, Any]) -> dict[str, Any]:
     """The call for one frame, as arguments for httpx. What is None is left out."""
-    given = {name: value for name, value in query.items() if value is not None}
     return {
         "method": "POST",
         "url": "/v1/recognize",
-        "params": given,
-        "content": frame_bytes(frame),
-        "headers": {"Content-Type": "application/octet-stream"},
+        "params": given(query),
+        **frame_body(frame),
     }
+
+
+def frame_body(frame: Frame) -> dict[str, Any]:
+    """One frame as the body of a call, as arguments for httpx."""
+    return {"content": frame_bytes(frame), "headers": {"Content-Type": "application/octet-stream"}}
+
+
+def path(*parts: Union[str, int]) -> str:
+    """A path of the service, such as that of a data set."""
+    return "/".join(["/v1", *(quote(str(part), safe="") for part in parts)])
 
 
 def model_url(name: str, *parts: Union[str, int]) -> str:
     """The path of a model, or of something of it."""
-    return "/".join(["/v1/models", *(quote(str(part), safe="") for part in (name, *parts))])
+    return path("models", name, *parts)
 
 
 def robot_url(stream: str) -> str:
     """The path of a robot."""
-    return f"/v1/robots/{quote(stream, safe='')}"
+    return path("robots", stream)
 
 
 def change_call(
@@ -121,7 +134,7 @@ def change_call(
     if epoch is not None:
         call["headers"] = {"If-Match": f'"{epoch}"'}
     if body is not None:
-        call["json"] = {name: value for name, value in body.items() if value is not None}
+        call["json"] = given(body)
     return call
 
 

@@ -20,11 +20,17 @@ from .calls import DEFAULT_URL, PATIENCE_S, Archive, Frame
 from .closing import Closing
 from .errors import ConnectionLost, ResumePoint, RoomsightError
 from .events import Event, read_event
+from .inbox import Inbox
+from .keys import Keys
 from .messages import Hello, Message, Position
+from .service import ServiceCalls
+from .sets import Sets
+from .steps import Caller
+from .trainings import Trainings
 from .types import Answer, Model, ModelList, Robot, RobotList, Version
 
 
-class Client(Closing):
+class Client(ServiceCalls, Caller, Closing):
     """A service that can be called, with a key where it asks for one. Close it, or use it with ``with``.
 
     At an ``https://``, ``ssl`` says whom to believe, such as ``ssl.create_default_context(cafile="ca.pem")``;
@@ -37,12 +43,18 @@ class Client(Closing):
         self._url = calls.check_url(url)
         self._headers = calls.authorization(key)
         self._ssl = calls.tls(url, ssl)
-        self._http = httpx.Client(
-            base_url=self._url,
-            headers=self._headers,
-            timeout=PATIENCE_S,
-            verify=True if self._ssl is None else self._ssl,
+        super().__init__(
+            httpx.Client(
+                base_url=self._url,
+                headers=self._headers,
+                timeout=PATIENCE_S,
+                verify=True if self._ssl is None else self._ssl,
+            )
         )
+        self.sets = Sets(self._http)
+        self.inbox = Inbox(self._http)
+        self.trainings = Trainings(self._http)
+        self.keys = Keys(self._http)
         self._events: WeakSet[Events] = WeakSet()
 
     def recognize(
@@ -178,12 +190,6 @@ class Client(Closing):
         self, method: str, url: str, epoch: Optional[int] = None, body: Optional[dict[str, Any]] = None
     ) -> Model:
         return calls.read_answer(Model, self._call(**calls.change_call(method, url, epoch, body)))
-
-    def _call(self, method: str, url: str, **arguments: Any) -> httpx.Response:
-        try:
-            return self._http.request(method, url, **arguments)
-        except httpx.HTTPError as error:
-            raise calls.lost(error) from error
 
     def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> Stream:
         # What was opened is closed again where the stream does not begin as it should.

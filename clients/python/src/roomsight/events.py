@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Optional, Union
 
 from .errors import ProtocolError
-from .types import ModelName, RoomProbability, decode
+from .types import ModelName, RoomProbability, decode, named
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,30 @@ class RoomChanged:
     to: str
     robot: Optional[str] = None
     stream: Optional[str] = None
-    before: Optional[str] = None
+    before: Optional[str] = named("from", None)
+
+
+@dataclass(frozen=True)
+class TrainingChanged:
+    """A training began or ended: ``state`` is as in ``Training``."""
+
+    id: int
+    model: str
+    state: str
+
+
+@dataclass(frozen=True)
+class InboxChanged:
+    """Frames came into the inbox, got labels, or went: ``open`` have no label now."""
+
+    open: int
+
+
+@dataclass(frozen=True)
+class SetChanged:
+    """A data set was changed."""
+
+    set: str
 
 
 @dataclass(frozen=True)
@@ -112,6 +135,9 @@ Event = Union[
     RobotLost,
     RobotFound,
     RoomChanged,
+    TrainingChanged,
+    InboxChanged,
+    SetChanged,
     Lost,
     OtherEvent,
 ]
@@ -125,6 +151,9 @@ _KINDS: dict[str, type[Any]] = {
     "robot_lost": RobotLost,
     "robot_found": RobotFound,
     "room_changed": RoomChanged,
+    "training": TrainingChanged,
+    "inbox_changed": InboxChanged,
+    "set_changed": SetChanged,
     "lost": Lost,
 }
 
@@ -138,8 +167,6 @@ def read_event(line: str) -> Optional[Event]:
     try:
         data = json.loads(line[len("data:") :])
         kind = data.pop("type")
-        # ``from`` is a word of Python.
-        data.update({"before": data.pop("from")} if kind == "room_changed" and "from" in data else {})
     except (ValueError, KeyError, AttributeError, TypeError) as error:
         raise ProtocolError(f"an event cannot be read: {line[:200]}") from error
     known = _KINDS.get(kind)

@@ -11,6 +11,8 @@ from .errors import ProtocolError
 
 T = TypeVar("T")
 
+_JSON_NAME = "json_name"
+
 
 @dataclass(frozen=True)
 class RoomProbability:
@@ -255,6 +257,11 @@ class ModelList:
     default: Optional[str] = None
 
 
+def named(name: str, default: Any = dataclasses.MISSING) -> Any:
+    """A field whose name in JSON is another one, such as a word of Python."""
+    return field(default=default, metadata={_JSON_NAME: name})
+
+
 def decode(kind: type[T], data: Any) -> T:
     """A value of a dataclass from parsed JSON. Fields that it does not have are left out.
 
@@ -263,7 +270,9 @@ def decode(kind: type[T], data: Any) -> T:
     if not isinstance(data, dict):
         raise ProtocolError(f"{kind.__name__} is no object: {data!r}")
     hints = typing.get_type_hints(kind)
-    known = {name: _value(hint, data[name]) for name, hint in hints.items() if name in data}
+    members: Any = kind
+    names = {member.name: member.metadata.get(_JSON_NAME, member.name) for member in dataclasses.fields(members)}
+    known = {name: _value(hints[name], data[in_json]) for name, in_json in names.items() if in_json in data}
     try:
         return kind(**known)
     except TypeError as error:
