@@ -15,21 +15,22 @@ from websockets.exceptions import WebSocketException
 from websockets.typing import Subprotocol
 
 from . import calls, messages
-from .calls import DEFAULT_URL, PATIENCE_S, Archive, Frame
+from .calls import DEFAULT_URL, PATIENCE_S, Frame
 from .closing import AsyncClosing
 from .errors import ConnectionLost, ResumePoint, RoomsightError
 from .events import Event, read_event
 from .inbox import AsyncInbox
 from .keys import AsyncKeys
 from .messages import Hello, Message, Position
+from .models import ModelCalls
+from .robots import RobotCalls
 from .service import ServiceCalls
 from .sets import AsyncSets
 from .steps import AsyncCaller
 from .trainings import AsyncTrainings
-from .types import Answer, Model, ModelList, Robot, RobotList, Version
 
 
-class AsyncClient(ServiceCalls, AsyncCaller, AsyncClosing):
+class AsyncClient(ModelCalls, RobotCalls, ServiceCalls, AsyncCaller, AsyncClosing):
     """A service that can be called, with a key where it asks for one. Close it, or use ``async with``.
 
     ``ssl`` is as for ``Client``.
@@ -55,90 +56,6 @@ class AsyncClient(ServiceCalls, AsyncCaller, AsyncClosing):
         self.keys = AsyncKeys(self._http)
         self._events: WeakSet[AsyncEvents] = WeakSet()
 
-    async def recognize(
-        self,
-        frame: Frame,
-        *,
-        robot: Optional[str] = None,
-        model: Optional[str] = None,
-        version: Optional[int] = None,
-        label: Optional[str] = None,
-        captured_at: Optional[str] = None,
-        deadline_ms: Optional[int] = None,
-        top: Optional[int] = None,
-        explain: Optional[bool] = None,
-    ) -> Answer:
-        """The room of one encoded image, given as bytes or as the path of a file.
-
-        ``deadline_ms`` is how long the frame may wait, ``top`` how many rooms to name. Raises ``Refused``,
-        ``ConnectionLost`` or ``ProtocolError``.
-        """
-        query = {
-            "robot": robot,
-            "model": model,
-            "version": version,
-            "label": label,
-            "captured_at": captured_at,
-            "deadline_ms": deadline_ms,
-            "top": top,
-            "explain": explain,
-        }
-        return calls.read_answer(Answer, await self._call(**calls.recognize_call(frame, query)))
-
-    async def models(self) -> ModelList:
-        """The models there are."""
-        return calls.read_answer(ModelList, await self._call("GET", "/v1/models"))
-
-    async def model(self, name: str) -> Model:
-        """One model, with its versions."""
-        return calls.read_answer(Model, await self._call("GET", calls.model_url(name)))
-
-    async def version(self, name: str, version: int) -> Version:
-        """One version of a model, with its card."""
-        return calls.read_answer(Version, await self._call("GET", calls.model_url(name, "versions", version)))
-
-    async def activate(self, name: str, version: int, *, epoch: Optional[int] = None) -> Version:
-        """Lets a version serve. Where an ``epoch`` is given (``Model.epoch``) and what serves was changed since, it is
-        ``Refused``; the same holds for the other changes."""
-        call = calls.change_call("POST", calls.model_url(name, "versions", version, "activate"), epoch)
-        return calls.read_answer(Version, await self._call(**call))
-
-    async def roll_back(self, name: str, *, epoch: Optional[int] = None) -> Model:
-        """Lets the version serve that did before."""
-        return await self._change("POST", calls.model_url(name, "rollback"), epoch)
-
-    async def set_label(
-        self, name: str, label: str, version: int, *, share: Optional[float] = None, epoch: Optional[int] = None
-    ) -> Model:
-        """Gives a label such as ``canary`` (with its ``share`` of the robots) or ``shadow`` to a version."""
-        url, body = calls.model_url(name, "labels", label), {"version": version, "share": share}
-        return await self._change("PUT", url, epoch, body)
-
-    async def remove_label(self, name: str, label: str, *, epoch: Optional[int] = None) -> Model:
-        """Takes a label away."""
-        return await self._change("DELETE", calls.model_url(name, "labels", label), epoch)
-
-    async def make_default(self, name: str) -> Model:
-        """Lets a model answer requests that name none."""
-        return await self._change("PUT", calls.model_url(name, "default"))
-
-    async def upload(self, name: str, version: int, archive: Archive) -> Version:
-        """Adds a version of a model: its folder as a tar, tar.gz or zip file."""
-        return calls.read_answer(Version, await self._call(**calls.upload_call(name, version, archive)))
-
-    async def delete(self, name: str, version: int, *, epoch: Optional[int] = None) -> None:
-        """Deletes a version that has no label."""
-        call = calls.change_call("DELETE", calls.model_url(name, "versions", version), epoch)
-        calls.check_done(await self._call(**call))
-
-    async def robots(self) -> list[Robot]:
-        """The robots that stream or send requests, and for an hour those that left."""
-        return calls.read_answer(RobotList, await self._call("GET", "/v1/robots")).robots
-
-    async def robot(self, stream: str) -> Robot:
-        """One robot, by its name or its stream's."""
-        return calls.read_answer(Robot, await self._call("GET", calls.robot_url(stream)))
-
     async def events(self) -> AsyncEvents:
         """What happens from now on."""
         try:
@@ -151,10 +68,6 @@ class AsyncClient(ServiceCalls, AsyncCaller, AsyncClosing):
         events = AsyncEvents(response)
         self._events.add(events)
         return events
-
-    async def is_ready(self) -> bool:
-        """Whether the service answers frames."""
-        return (await self._call("GET", "/readyz")).is_success
 
     async def stream(
         self,
@@ -183,11 +96,6 @@ class AsyncClient(ServiceCalls, AsyncCaller, AsyncClosing):
         for events in list(self._events):
             await events.close()
         await self._http.aclose()
-
-    async def _change(
-        self, method: str, url: str, epoch: Optional[int] = None, body: Optional[dict[str, Any]] = None
-    ) -> Model:
-        return calls.read_answer(Model, await self._call(**calls.change_call(method, url, epoch, body)))
 
     async def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> AsyncStream:
         # What was opened is closed again where the stream does not begin as it should.

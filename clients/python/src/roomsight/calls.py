@@ -46,6 +46,7 @@ EVENTS_CALL: dict[str, Any] = {
 }
 #: How long an upload may take, in seconds.
 UPLOAD_PATIENCE_S = 600.0
+_BINARY = {"Content-Type": "application/octet-stream"}
 
 
 def check_url(url: str) -> str:
@@ -96,19 +97,9 @@ def given(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def recognize_call(frame: Frame, query: dict[str, Any]) -> dict[str, Any]:
-    """The call for one frame, as arguments for httpx. What is None is left out."""
-    return {
-        "method": "POST",
-        "url": "/v1/recognize",
-        "params": given(query),
-        **frame_body(frame),
-    }
-
-
 def frame_body(frame: Frame) -> dict[str, Any]:
     """One frame as the body of a call, as arguments for httpx."""
-    return {"content": frame_bytes(frame), "headers": {"Content-Type": "application/octet-stream"}}
+    return {"content": frame_bytes(frame), "headers": _BINARY}
 
 
 def path(*parts: Union[str, int]) -> str:
@@ -116,38 +107,15 @@ def path(*parts: Union[str, int]) -> str:
     return "/".join(["/v1", *(quote(str(part), safe="") for part in parts)])
 
 
-def model_url(name: str, *parts: Union[str, int]) -> str:
-    """The path of a model, or of something of it."""
-    return path("models", name, *parts)
+def if_match(epoch: Optional[int]) -> dict[str, str]:
+    """The header with which nothing is done where what serves was changed since the epoch."""
+    return {} if epoch is None else {"If-Match": f'"{epoch}"'}
 
 
-def robot_url(stream: str) -> str:
-    """The path of a robot."""
-    return path("robots", stream)
-
-
-def change_call(
-    method: str, url: str, epoch: Optional[int] = None, body: Optional[dict[str, Any]] = None
-) -> dict[str, Any]:
-    """The call that changes a model, as arguments for httpx. With an epoch nothing is done where what serves was changed since."""
-    call: dict[str, Any] = {"method": method, "url": url}
-    if epoch is not None:
-        call["headers"] = {"If-Match": f'"{epoch}"'}
-    if body is not None:
-        call["json"] = given(body)
-    return call
-
-
-def upload_call(name: str, version: int, archive: Archive) -> dict[str, Any]:
-    """The call that uploads an archive, as arguments for httpx. Packing and loading take longer than other calls."""
+def archive_body(archive: Archive) -> dict[str, Any]:
+    """An archive as the body of a call, as arguments for httpx."""
     content = archive if isinstance(archive, bytes) else Path(archive).read_bytes()
-    return {
-        "method": "PUT",
-        "url": model_url(name, "versions", version),
-        "content": content,
-        "headers": {"Content-Type": "application/octet-stream"},
-        "timeout": UPLOAD_PATIENCE_S,
-    }
+    return {"content": content, "headers": _BINARY}
 
 
 def check_done(response: httpx.Response) -> None:

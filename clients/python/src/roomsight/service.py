@@ -1,12 +1,14 @@
-"""What a service tells of itself: its set-up, its last hour, what people changed, and what robots see."""
+"""What a service tells of itself: its set-up, its last hour, and what people changed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Optional
 
+import httpx
+
 from . import calls
-from .steps import Method, Steps, ask, fetch
+from .steps import Method, Request, Steps, ask
 from .types import Timings
 
 
@@ -100,6 +102,7 @@ class ServiceCalls:
         return ask(AuditList, "GET", "/v1/audit", params=calls.given({"before": before, "limit": limit}))
 
     @Method
-    def robot_frame(self, id: str, *, width: Optional[int] = None) -> Steps[bytes]:
-        """The last frame of a robot (``Robot.id``): a JPEG at most so wide, or the picture as the robot sent it."""
-        return fetch(f"{calls.robot_url(id)}/frame", params=calls.given({"width": width}))
+    def is_ready(self) -> Steps[bool]:
+        """Whether the service answers frames."""
+        response: httpx.Response = yield Request("GET", "/readyz")
+        return response.is_success
