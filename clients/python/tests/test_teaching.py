@@ -122,7 +122,7 @@ class Sets(TaughtService, unittest.IsolatedAsyncioTestCase):
             await sets.remove("changed")
             self.assertNotIn("changed", [line.name for line in await sets.list()])
             await self.is_refused(404, sets.show("changed"))
-            for name in ["../changed", "a/b", "a b", ""]:
+            for name in ["../changed", "a/b", "a b", "", ".", ".."]:
                 with self.assertRaises(Refused):
                     await sets.show(name)
 
@@ -171,8 +171,10 @@ class Trainings(TaughtService, unittest.IsolatedAsyncioTestCase):
             self.assertEqual(answer.room, "bars")
             self.assertEqual(client.robot_frame("eve"), b"P5 96 72 255\n" + view("bars", 3).tobytes())
             self.assertEqual(client.audit(limit=2).entries[0].what, "activate")
-            older = client.audit(before=client.audit(limit=2).next)
-            self.assertEqual(older.entries[-1].what, "set_created")
+            newer = client.audit(limit=2)
+            assert newer.next is not None
+            older = client.audit(before=newer.next).entries
+            self.assertEqual((older[-1].what, older[0].id < newer.entries[-1].id), ("set_created", True))
             events.close()
             reading.join(PATIENCE_S)
             self.assertIn(SetChanged("home"), told)
@@ -231,6 +233,9 @@ class InboxAndService(TaughtService, unittest.IsolatedAsyncioTestCase):
             self.assertEqual((late.labeled, late.change), ([], None))
             self.assertEqual(conflicts, {listed.frames[0].id: label, last[0].id: None})
             self.assertEqual((await inbox.list(state="labeled")).total, 2)
+            await client.sets.undo("labeled", labeled.change)
+            again = await inbox.label((await inbox.list(reason="wrong")).frames, set="labeled", room="attic")
+            self.assertEqual((len(again.labeled), again.conflicts), (2, []))
 
     def test_the_policy_is_kept(self) -> None:
         with Client(self.url) as client:

@@ -104,7 +104,12 @@ def frame_body(frame: Frame) -> dict[str, Any]:
 
 def path(*parts: Union[str, int]) -> str:
     """A path of the service, such as that of a data set."""
-    return "/".join(["/v1", *(quote(str(part), safe="") for part in parts)])
+    return "/".join(["/v1", *(_quoted(str(part)) for part in parts)])
+
+
+def _quoted(part: str) -> str:
+    """A name as a part of a path. One of dots alone would else be a step along the path."""
+    return quote(part, safe="") if part.strip(".") else part.replace(".", "%2E")
 
 
 def if_match(epoch: Optional[int]) -> dict[str, str]:
