@@ -241,7 +241,7 @@ class InboxAndService(TaughtService, unittest.IsolatedAsyncioTestCase):
         with Client(self.url) as client:
             self.assertEqual(client.inbox.policy(), LearningPolicy())
             client.sets.create("home")
-            policy = LearningPolicy(set="home", model="home", train_after=1000, publish="shadow")
+            policy = LearningPolicy(set="home", model="home", train_after=1000, publish="shadow", effort="fast", camera="equirectangular")
             self.assertEqual(client.inbox.set_policy(policy), policy)
             self.assertEqual(client.inbox.policy(), policy)
             with self.assertRaises(Refused):

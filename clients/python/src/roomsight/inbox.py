@@ -56,7 +56,7 @@ class InboxFrame:
     """A frame that was kept: what was answered, and why that is doubted.
 
     ``reasons`` are ``unknown``, ``low``, ``torn``, ``filter_apart``, ``shadow_apart`` or ``wrong``; ``value`` is how much it
-    would teach, 0 to 1. ``label`` is what it was labelled, ``said`` what a person says who found its answer wrong.
+    would teach, 0 to 1. ``label`` is what it was labeled, ``said`` what a person says who found its answer wrong.
     """
 
     id: int
@@ -92,7 +92,7 @@ class InboxList:
 
 @dataclass(frozen=True)
 class LabelConflict:
-    """A frame that was not labelled: somebody else did meanwhile, or it is gone."""
+    """A frame that was not labeled: somebody else did meanwhile, or it is gone."""
 
     id: int
     reason: str
@@ -101,7 +101,7 @@ class LabelConflict:
 
 @dataclass(frozen=True)
 class LabeledFrames:
-    """What became of labels. ``change`` is that of the data set, which can be undone; None where nothing was labelled."""
+    """What became of labels. ``change`` is that of the data set, which can be undone; None where nothing was labeled."""
 
     labeled: list[InboxFrame]
     conflicts: list[LabelConflict]
@@ -110,14 +110,16 @@ class LabeledFrames:
 
 @dataclass(frozen=True)
 class LearningPolicy:
-    """What follows from labels by itself: a training on ``set`` when ``train_after`` frames were labelled since the last one
-    (0: never). If it is not worse, it becomes the next version of ``model``, and gets the label ``publish``: ``shadow``,
-    ``canary``, ``stable`` or ``nothing``."""
+    """What follows from labels by itself: a training on ``set`` when ``train_after`` frames were labeled since the last one
+    (0: never). A version of ``model`` that is not worse becomes what ``publish`` says: ``shadow``, ``canary``, ``stable`` or
+    ``nothing``, where a person decides. ``effort`` and ``camera`` are as for ``Client.trainings.begin``."""
 
     set: Optional[str] = None
     model: Optional[str] = None
     train_after: int = 0
     publish: str = "nothing"
+    effort: str = "default"
+    camera: Optional[str] = None
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,7 @@ class _InboxCalls:
     ) -> Steps[LabeledFrames]:
         """Says what frames show, and puts them into a data set, which is made where it is not there; ``elsewhere`` is no room.
 
-        Frames that somebody else has labelled since they were listed are told as conflicts.
+        Frames that somebody else has labeled since they were listed are told as conflicts.
         """
         body = {"set": set, "room": room, "drive": drive, "frames": _seen(frames)}
         return ask(LabeledFrames, "POST", "/v1/inbox/labels", json=calls.given(body))
