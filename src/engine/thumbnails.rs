@@ -7,6 +7,7 @@ use image::codecs::jpeg::JpegEncoder;
 use roomsight_vision::image::{Image, ImageError, Limits};
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 use tokio::sync::{Semaphore, SemaphorePermit};
 
 /// The quality of the JPEGs, of 100.
@@ -16,23 +17,42 @@ const N_AT_ONCE: usize = 2;
 /// How many bytes are kept.
 const MAX_KEPT_BYTES: usize = 8 << 20;
 
-/// Which thumbnail: of the frame with this number, so many pixels wide.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// For how long a thumbnail stands for its robot's last frame, so that all pages share it.
+const FRESH: Duration = Duration::from_secs(1);
+
+/// Which thumbnail.
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ThumbnailKey {
-    pub frame: u64,
+    /// By its id.
+    pub robot: String,
+    /// In pixels.
     pub width: u32,
 }
 
-/// The thumbnails that were made last.
+/// A small picture of a robot's frame.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Thumbnail {
+    /// The frame's number.
+    pub frame: u64,
+    pub jpeg: Bytes,
+}
+
+/// The thumbnails that were made last, one a robot and width.
 pub struct Thumbnails {
     kept: Mutex<Kept>,
     permits: Semaphore,
 }
 
+struct Made {
+    key: ThumbnailKey,
+    thumbnail: Thumbnail,
+    at: Instant,
+}
+
 #[derive(Default)]
 struct Kept {
     /// The oldest first.
-    thumbnails: VecDeque<(ThumbnailKey, Bytes)>,
+    made: VecDeque<Made>,
     n_bytes: usize,
 }
 
@@ -43,10 +63,11 @@ impl Default for Thumbnails {
 }
 
 impl Thumbnails {
-    /// One that was made already.
-    pub fn find(&self, key: ThumbnailKey) -> Option<Bytes> {
+    /// One that was made already: of the frame with this number, or of one just before it.
+    pub fn find(&self, key: &ThumbnailKey, frame: u64) -> Option<Thumbnail> {
         let kept = self.kept();
-        kept.thumbnails.iter().find(|(other, _)| *other == key).map(|(_, bytes)| bytes.clone())
+        let Made { thumbnail, at, .. } = kept.made.iter().find(|made| made.key == *key)?;
+        (thumbnail.frame == frame || at.elapsed() < FRESH).then(|| thumbnail.clone())
     }
 
     /// Waits until one may be made; whoever waited looks again whether it was made meanwhile.
@@ -54,11 +75,17 @@ impl Thumbnails {
         self.permits.acquire().await.ok()
     }
 
-    /// Makes one of a frame, and keeps it. Blocks, on a thread that stands aside for frames.
-    pub fn make(&self, key: ThumbnailKey, frame: &[u8], limits: Limits) -> Result<Bytes, ImageError> {
-        let bytes = aside(|| thumbnail(frame, key.width, limits))?;
-        self.kept().push(key, bytes.clone());
-        Ok(bytes)
+    /// Makes one of the frame with this number, and keeps it. Blocks, on a thread that stands aside for frames.
+    pub fn make(
+        &self,
+        key: ThumbnailKey,
+        frame: u64,
+        bytes: &[u8],
+        limits: Limits,
+    ) -> Result<Thumbnail, ImageError> {
+        let thumbnail = Thumbnail { frame, jpeg: aside(|| thumbnail(bytes, key.width, limits))? };
+        self.kept().push(Made { key, thumbnail: thumbnail.clone(), at: Instant::now() });
+        Ok(thumbnail)
     }
 
     fn kept(&self) -> MutexGuard<'_, Kept> {
@@ -67,13 +94,19 @@ impl Thumbnails {
 }
 
 impl Kept {
-    fn push(&mut self, key: ThumbnailKey, bytes: Bytes) {
-        self.n_bytes += bytes.len();
-        self.thumbnails.push_back((key, bytes));
-        while self.n_bytes > MAX_KEPT_BYTES
-            && let Some((_, oldest)) = self.thumbnails.pop_front()
+    /// Keeps one in the place of the one before.
+    fn push(&mut self, made: Made) {
+        if let Some(idx) = self.made.iter().position(|old| old.key == made.key)
+            && let Some(old) = self.made.remove(idx)
         {
-            self.n_bytes -= oldest.len();
+            self.n_bytes -= old.thumbnail.jpeg.len();
+        }
+        self.n_bytes += made.thumbnail.jpeg.len();
+        self.made.push_back(made);
+        while self.n_bytes > MAX_KEPT_BYTES
+            && let Some(oldest) = self.made.pop_front()
+        {
+            self.n_bytes -= oldest.thumbnail.jpeg.len();
         }
     }
 }
@@ -131,14 +164,32 @@ mod tests {
         assert!(thumbnail(b"no image", 320, Limits::default()).is_err());
     }
 
+    fn made(robot: u32, frame: u64, n_bytes: usize) -> Made {
+        let key = ThumbnailKey { robot: robot.to_string(), width: 320 };
+        Made { key, thumbnail: Thumbnail { frame, jpeg: vec![0; n_bytes].into() }, at: Instant::now() }
+    }
+
     #[test]
     fn the_oldest_give_way() {
         let mut kept = Kept::default();
-        let key = |frame| ThumbnailKey { frame, width: 320 };
-        for frame in 0..3 {
-            kept.push(key(frame), vec![0; MAX_KEPT_BYTES / 2].into());
+        for robot in 0..3 {
+            kept.push(made(robot, 1, MAX_KEPT_BYTES / 2));
         }
-        assert_eq!((kept.thumbnails.len(), kept.n_bytes), (2, MAX_KEPT_BYTES));
-        assert_eq!(kept.thumbnails[0].0, key(1));
+        assert_eq!((kept.made.len(), kept.n_bytes), (2, MAX_KEPT_BYTES));
+        assert_eq!(kept.made[0].key.robot, "1");
+        kept.push(made(1, 2, 7));
+        assert_eq!((kept.made.len(), kept.n_bytes), (2, MAX_KEPT_BYTES / 2 + 7));
+    }
+
+    #[test]
+    fn a_fresh_one_stands_for_the_frames_after_it_and_an_old_one_for_its_own_alone() {
+        let thumbnails = Thumbnails::default();
+        let key = made(1, 0, 0).key;
+        let found = |frame| thumbnails.find(&key, frame).map(|found| found.frame);
+        thumbnails.kept().push(made(1, 5, 1));
+        assert_eq!((found(5), found(6)), (Some(5), Some(5)));
+        let Some(at) = Instant::now().checked_sub(FRESH) else { return };
+        thumbnails.kept().push(Made { at, ..made(1, 7, 1) });
+        assert_eq!((found(7), found(8)), (Some(7), None));
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::engine::recognize::RecognizeError;
 use crate::engine::robots::RobotRecord;
-use crate::engine::thumbnails::ThumbnailKey;
+use crate::engine::thumbnails::{Thumbnail, ThumbnailKey};
 use crate::http::App;
 use crate::http::blocking::blocking;
 use crate::http::openapi::{FramePictureProblems, ImageBytes, RobotProblems, ViewerProblems};
@@ -58,7 +58,7 @@ fn found(app: &App, id: &str) -> Result<Arc<RobotRecord>, Problem> {
 
 /// A robot's last frame
 ///
-/// As the robot sent it, or as a JPEG that is at most so wide. `ETag` and `X-Frame` are its number, which is also the
+/// As the robot sent it, or as a JPEG that is at most so wide, which may be of a frame that came up to a second before. `ETag` and `X-Frame` are its number, which is also the
 /// robot's `frame`. Frames are kept in memory within the setting `live_frames_bytes`: those that came first give way.
 #[utoipa::path(
     get, path = "/v1/robots/{id}/frame", tag = "dashboards", security(("key" = [])),
@@ -85,30 +85,34 @@ pub async fn show_frame(
     let record = found(&app, &id)?;
     let no_frame = || Problem::new(Kind::NotFound, format_args!("no frame of {id:?} is kept"));
     let (number, frame) = app.engine.robots.frame(&record).ok_or_else(no_frame)?;
+    let (media_type, Thumbnail { frame: number, jpeg: picture }) = match width {
+        None => (type_of(&frame).media_type, Thumbnail { frame: number, jpeg: frame }),
+        Some(width) => {
+            let key = ThumbnailKey { robot: record.id(), width };
+            ("image/jpeg", thumbnail(&app, key, number, frame).await?)
+        }
+    };
     let etag = format!("\"{number}\"");
+    let is_known = headers.get(IF_NONE_MATCH).is_some_and(|known| known == etag.as_str());
     // Pictures may be kept, but it is asked each time whether they are still the last.
-    let told = [(ETAG, etag.clone()), (X_FRAME, number.to_string()), (CACHE_CONTROL, "no-cache".to_owned())];
-    if headers.get(IF_NONE_MATCH).is_some_and(|known| known == etag.as_str()) {
+    let told = [(ETAG, etag), (X_FRAME, number.to_string()), (CACHE_CONTROL, "no-cache".to_owned())];
+    if is_known {
         return Ok((StatusCode::NOT_MODIFIED, told).into_response());
     }
-    let (media_type, picture) = match width {
-        None => (type_of(&frame).media_type, frame),
-        Some(width) => ("image/jpeg", thumbnail(&app, ThumbnailKey { frame: number, width }, frame).await?),
-    };
     Ok((told, [(CONTENT_TYPE, media_type)], picture).into_response())
 }
 
-async fn thumbnail(app: &App, key: ThumbnailKey, frame: Bytes) -> Result<Bytes, Problem> {
-    if let Some(made) = app.engine.thumbnails.find(key) {
+async fn thumbnail(app: &App, key: ThumbnailKey, number: u64, frame: Bytes) -> Result<Thumbnail, Problem> {
+    if let Some(made) = app.engine.thumbnails.find(&key, number) {
         return Ok(made);
     }
     let _turn = app.engine.thumbnails.turn().await;
-    if let Some(made) = app.engine.thumbnails.find(key) {
+    if let Some(made) = app.engine.thumbnails.find(&key, number) {
         return Ok(made);
     }
     let make = move |app: &App| {
         let limits = app.engine.settings.frame_limits();
-        app.engine.thumbnails.make(key, &frame, limits).map_err(RecognizeError::from)
+        app.engine.thumbnails.make(key, number, &frame, limits).map_err(RecognizeError::from)
     };
     blocking(app, make).await
 }
