@@ -127,11 +127,11 @@ impl App {
         })))
     }
 
-    /// Refuses frames from now on; those accepted are answered. A training that runs ends.
+    /// Refuses frames from now on; those accepted are answered. What runs aside ends.
     pub fn drain(&self) {
         self.engine.drain();
         if let Some(teaching) = &self.teaching {
-            teaching.trainings.stop();
+            teaching.stop();
         }
     }
 

@@ -51,14 +51,17 @@ use roomsight_protocol::sets::SetChange;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::mpsc::sync_channel;
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread;
+use std::time::{Duration, Instant};
 
 /// The file whose lock says that a service uses the folder.
 const LOCK_FILE: &str = ".lock";
 
 /// Frames that may wait to be kept.
 const N_DOUBTED: usize = 64;
+/// How often what is too old is looked for.
+const TIDY_EVERY: Duration = Duration::from_secs(3600);
 
 /// All that is kept in the data directory.
 pub struct Teaching {
@@ -105,12 +108,23 @@ impl Teaching {
         let (keeper, doubted) = sync_channel(N_DOUBTED);
         engine.doubts.connect(keeper);
         engine.doubts.adopt(&self.inbox.rule()?);
+        self.inbox.tidy()?;
         self.tell_inbox(engine)?;
         let (inbox, told) = (self.inbox.clone(), InboxTold::of(engine));
+        let sets = self.sets.clone();
         let keep = move || {
-            let mut was_kept = true;
-            for frame in doubted {
-                let kept = inbox.keep(frame).and_then(|_| told.tell(&inbox));
+            let (mut was_kept, mut tidied) = (true, Instant::now());
+            loop {
+                let mut kept = match doubted.recv_timeout(TIDY_EVERY) {
+                    Ok(frame) => inbox.keep(frame).map(drop),
+                    Err(RecvTimeoutError::Timeout) => Ok(()),
+                    Err(RecvTimeoutError::Disconnected) => return,
+                };
+                if tidied.elapsed() >= TIDY_EVERY {
+                    tidied = Instant::now();
+                    kept = kept.and(inbox.tidy()).and(sets.tidy());
+                }
+                let kept = kept.and_then(|()| told.tell(&inbox));
                 if let Err(error) = &kept
                     && was_kept
                 {
@@ -129,6 +143,12 @@ impl Teaching {
     /// A database that cannot be read.
     pub fn tell_inbox(&self, engine: &Engine) -> Result<(), TeachingError> {
         InboxTold::of(engine).tell(&self.inbox)
+    }
+
+    /// Ends what runs aside, since the service stops.
+    pub fn stop(&self) {
+        self.trainings.stop();
+        self.sets.stop_checks();
     }
 
     /// Undoes a change of a data set.

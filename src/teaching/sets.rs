@@ -28,10 +28,11 @@ use super::TeachingError;
 use super::pictures::type_of;
 use super::store::Store;
 use change::Journal;
+use check::Check;
 use folder::Found;
 use names::{FramePath, check_set};
 use roomsight_protocol::sets::{
-    FrameList, FramesQuery, SetChange, SetCheck, SetDrive, SetFrame, SetInfo, SetList, SetRoom, SetSummary,
+    FrameList, FramesQuery, SetChange, SetDrive, SetFrame, SetInfo, SetList, SetRoom, SetSummary,
 };
 use roomsight_recognition::model::ELSEWHERE;
 use roomsight_vision::image::Limits;
@@ -57,7 +58,7 @@ pub struct Sets {
     /// Held while files move: one change after the other.
     changing: Mutex<()>,
     limits: Limits,
-    checks: Mutex<BTreeMap<String, SetCheck>>,
+    checks: Mutex<BTreeMap<String, Check>>,
 }
 
 /// A frame's file.
@@ -222,6 +223,14 @@ impl Sets {
         }
     }
 
+    /// Deletes what was removed long ago.
+    ///
+    /// # Errors
+    /// A folder that cannot be read.
+    pub fn tidy(&self) -> Result<(), TeachingError> {
+        self.journal.forget_old()
+    }
+
     /// Undoes a change.
     ///
     /// # Errors
@@ -258,7 +267,7 @@ impl Sets {
         self.changing.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn checks(&self) -> MutexGuard<'_, BTreeMap<String, SetCheck>> {
+    fn checks(&self) -> MutexGuard<'_, BTreeMap<String, Check>> {
         self.checks.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -89,6 +89,8 @@ pub enum Deed {
     Wrong,
     /// Frames of the inbox were labelled.
     LabelFrames,
+    /// Frames of the inbox were thrown away.
+    DiscardFrames,
     /// Other things follow from labels by themselves.
     Policy,
 }

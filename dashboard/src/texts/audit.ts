@@ -31,6 +31,7 @@ export const text = {
     undo: "Undid",
     wrong: "Said that an answer was wrong",
     label_frames: "Labeled frames",
+    discard_frames: "Discarded frames",
     policy: "Changed the policy",
   } as Record<string, string>,
 };

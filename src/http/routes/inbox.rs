@@ -191,13 +191,18 @@ pub async fn label_frames(
     request_body(content = DiscardJson),
     responses((status = OK, description = "How many went", body = Discarded), AddProblems)
 )]
-pub async fn discard_frames(State(app): State<App>, request: Request) -> Result<Json<Discarded>, Problem> {
+pub async fn discard_frames(
+    State(app): State<App>,
+    by: By,
+    request: Request,
+) -> Result<Json<Discarded>, Problem> {
     let empty = || BodyError::Malformed("send the frames as JSON".to_owned());
     let DiscardJson { frames } = read_json_list(&app, request).await?.ok_or_else(empty)?;
     let discarded = blocking(&app, move |app| {
         let teaching = app.teaching()?;
         let discarded = teaching.inbox.discard(&frames)?;
         teaching.tell_inbox(&app.engine)?;
+        by.did(app, Deed::DiscardFrames, "inbox", &format!("{discarded} frames"));
         Ok::<_, TeachingError>(discarded)
     })
     .await?;

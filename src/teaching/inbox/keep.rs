@@ -58,6 +58,14 @@ impl Inbox {
         Ok(InboxFrame { id, ..frame })
     }
 
+    /// Deletes what is too old by the rule.
+    ///
+    /// # Errors
+    /// A database that cannot be written.
+    pub fn tidy(&self) -> Result<(), TeachingError> {
+        self.make_room(&self.rule()?)
+    }
+
     /// Deletes what is beyond the bounds of a rule.
     pub(super) fn make_room(&self, rule: &InboxRule) -> Result<(), TeachingError> {
         let _changing = self.changing();

@@ -3,7 +3,7 @@
 use super::Sets;
 use super::names::as_text;
 use crate::teaching::TeachingError;
-use crate::teaching::command::{Command, Outcome};
+use crate::teaching::command::{Command, Outcome, Stop};
 use crate::teaching::store::{moment, now_ms};
 use roomsight_protocol::sets::{CheckState, SetCheck, SetFinding};
 use serde::Deserialize;
@@ -31,7 +31,19 @@ struct Finding {
     likely_room: Option<String>,
 }
 
+/// A look at a set.
+pub struct Check {
+    told: SetCheck,
+    /// What ends it early, while it runs.
+    stop: Option<Stop>,
+}
+
 impl Sets {
+    /// Ends the looks that are under way, since the service stops.
+    pub fn stop_checks(&self) {
+        self.checks().values().filter_map(|check| check.stop.as_ref()).for_each(Stop::now);
+    }
+
     /// Begins to look for what is odd in a set; where it is looked at already nothing new begins.
     ///
     /// # Errors
@@ -39,17 +51,18 @@ impl Sets {
     pub fn begin_check(self: &Arc<Self>, set: &str) -> Result<SetCheck, TeachingError> {
         let folder = self.existing(set)?;
         let mut checks = self.checks();
-        if let Some(running) = checks.get(set).filter(|check| check.state == CheckState::Running) {
-            return Ok(running.clone());
+        if let Some(running) = checks.get(set).filter(|check| check.told.state == CheckState::Running) {
+            return Ok(running.told.clone());
         }
         let command = Command::start(&["check".as_ref(), folder.as_os_str(), "--json".as_ref()])?;
         let check =
             SetCheck { state: CheckState::Running, at: Some(moment(now_ms())), ..SetCheck::default() };
-        checks.insert(set.to_owned(), check.clone());
+        checks.insert(set.to_owned(), Check { told: check.clone(), stop: Some(command.stopper()) });
         let (sets, set, began) = (self.clone(), set.to_owned(), check.clone());
         thread::spawn(move || {
             let outcome = command.finish(|_| ());
-            sets.checks().insert(set, checked(began, &outcome, &folder));
+            let told = checked(began, &outcome, &folder);
+            sets.checks().insert(set, Check { told, stop: None });
         });
         Ok(check)
     }
@@ -60,7 +73,7 @@ impl Sets {
     /// No such set.
     pub fn last_check(&self, set: &str) -> Result<SetCheck, TeachingError> {
         self.existing(set)?;
-        Ok(self.checks().get(set).cloned().unwrap_or_default())
+        Ok(self.checks().get(set).map(|check| check.told.clone()).unwrap_or_default())
     }
 }
 

@@ -10,6 +10,8 @@ use crate::teaching::{Teaching, TeachingError, Who};
 use roomsight_protocol::event::Event;
 use roomsight_protocol::training::{PublishedVersion, TrainingInfo, TrainingJson, TrainingState};
 use roomsight_protocol::version_id::VersionId;
+use std::fs;
+use std::path::Path;
 use std::sync::Arc;
 
 /// Other services may publish at the same time.
@@ -84,13 +86,15 @@ impl Trainer {
                 worse.before.n_frames
             ));
         }
-        let published = self.publish_next(&info)?;
+        let folder = self.teaching.trainings.folder_of(info.id).join(MODEL_FOLDER);
+        let published = self.publish_next(&info, &folder)?;
         self.teaching.trainings.records.keep(&TrainingInfo { published: Some(published.clone()), ..info })?;
+        // The repository has it; what cannot be deleted only takes room.
+        let _ = fs::remove_dir_all(folder);
         Ok(published)
     }
 
-    fn publish_next(&self, info: &TrainingInfo) -> Result<PublishedVersion, TeachingError> {
-        let folder = self.teaching.trainings.folder_of(info.id).join(MODEL_FOLDER);
+    fn publish_next(&self, info: &TrainingInfo, folder: &Path) -> Result<PublishedVersion, TeachingError> {
         let highest = match self.engine.registry.entry(&info.model) {
             Ok(entry) => {
                 entry.versions.keys().next_back().copied().unwrap_or_default().max(entry.record.settled)
@@ -101,7 +105,7 @@ impl Trainer {
             let id = VersionId::after(&info.model, highest + above)
                 .map_err(|error| TeachingError::Conflict(error.to_string()))?;
             let staged = self.engine.registry.stage().map_err(ChangeError::from)?;
-            package::copy(&folder, staged.path()).map_err(TeachingError::io(&folder))?;
+            package::copy(folder, staged.path()).map_err(TeachingError::io(folder))?;
             match self.engine.registry.publish_aside(&id, staged) {
                 Ok(()) => return Ok(PublishedVersion { name: id.name, version: id.version }),
                 Err(ChangeError::Repository(RepositoryError::Exists(_))) => {}
