@@ -15,7 +15,7 @@ mod list;
 
 use super::TeachingError;
 use super::sets::{FrameFile, Sets};
-use super::store::Store;
+use super::store::{Clock, Store};
 use crate::teaching::pictures::type_of;
 use roomsight_protocol::inbox::{InboxFrame, InboxRule};
 use rusqlite::{OptionalExtension, Row};
@@ -41,6 +41,7 @@ pub struct Inbox {
     sets: Arc<Sets>,
     /// Held while frames come, go and get labels.
     changing: Mutex<()>,
+    clock: Clock,
 }
 
 /// How much there is in the inbox.
@@ -68,7 +69,7 @@ impl Inbox {
     pub fn open(data: &Path, store: Arc<Store>, sets: Arc<Sets>) -> Result<Self, TeachingError> {
         let folder = data.join(INBOX_FOLDER);
         fs::create_dir_all(&folder).map_err(TeachingError::io(&folder))?;
-        Ok(Self { folder, store, sets, changing: Mutex::default() })
+        Ok(Self { folder, store, sets, changing: Mutex::default(), clock: Clock::now() })
     }
 
     /// Which frames are kept.

@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 use std::fs;
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 /// Its file, in the data directory.
 pub const DATABASE_FILE: &str = "roomsight.db";
@@ -75,6 +75,26 @@ impl Store {
         let mut to = Connection::open(into)?;
         let copying = backup::Backup::new(&from, &mut to)?;
         Ok(copying.run_to_completion(BACKUP_PAGES, Duration::ZERO, None)?)
+    }
+}
+
+/// The system's clock beside one that nobody sets.
+pub struct Clock {
+    began: Instant,
+    began_ms: i64,
+}
+
+impl Clock {
+    /// From now on.
+    pub fn now() -> Self {
+        Self { began: Instant::now(), began_ms: now_ms() }
+    }
+
+    /// Whether the system's clock, which says this, has moved as time did, by a day at most.
+    pub fn is_steady(&self, now_ms: i64) -> bool {
+        let passed_ms = i64::try_from(self.began.elapsed().as_millis()).unwrap_or(i64::MAX);
+        let expected_ms = self.began_ms.saturating_add(passed_ms);
+        now_ms.abs_diff(expected_ms) < 24 * 3600 * 1000
     }
 }
 

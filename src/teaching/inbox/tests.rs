@@ -98,6 +98,24 @@ fn the_oldest_without_a_label_go_where_there_is_no_room_with_their_pictures() {
 }
 
 #[test]
+fn frames_go_when_they_are_old_and_not_when_the_clock_jumps() {
+    let Kept { inbox, data: _data, .. } = opened();
+    let age = |days: i64| {
+        let ms = days * 24 * 3600 * 1000;
+        inbox.store.lock().execute("UPDATE inbox_frame SET at = at - ?1 WHERE id = 1", [ms]).unwrap();
+        inbox.tidy().unwrap();
+        inbox.list(&InboxQuery::default()).unwrap().frames.len()
+    };
+    inbox.keep(doubted(1, 0.5)).unwrap();
+    inbox.keep(doubted(2, 0.5)).unwrap();
+    assert_eq!((age(29), age(2)), (2, 1));
+    let year_ms = 365 * 24 * 3600 * 1000;
+    let rule = inbox.rule().unwrap();
+    inbox.make_room_for(&rule, crate::teaching::store::now_ms() + year_ms).unwrap();
+    assert_eq!(inbox.list(&InboxQuery::default()).unwrap().frames.len(), 1, "a year in a moment is none");
+}
+
+#[test]
 fn a_picture_that_two_frames_have_goes_with_the_last_of_them() {
     let Kept { inbox, data: _data, .. } = opened();
     let frames = [inbox.keep(doubted(1, 0.5)).unwrap(), inbox.keep(doubted(1, 0.5)).unwrap()];
