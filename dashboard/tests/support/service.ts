@@ -17,6 +17,9 @@ export interface ServiceOptions {
   dataFolder?: string;
 }
 
+/** More are refused. */
+const FRAMES_A_CALL = 16;
+
 /** What a key of the service is told as. */
 export interface MadeKey {
   name: string;
@@ -114,12 +117,15 @@ export class Service {
   async makeSet(set: string, files: readonly string[]): Promise<void> {
     await this.call("PUT", `sets/${set}`);
     for (const drive of new Set(files.map((file) => dirname(file)))) {
-      const form = new FormData();
-      for (const file of files.filter((other) => dirname(other) === drive)) {
-        form.append("frame", new Blob([await readFile(file)]), basename(file));
-      }
       const query = new URLSearchParams({ room: basename(dirname(drive)), drive: basename(drive) });
-      await this.call("POST", `sets/${set}/frames?${query}`, form);
+      const pictures = files.filter((file) => dirname(file) === drive);
+      for (let first = 0; first < pictures.length; first += FRAMES_A_CALL) {
+        const form = new FormData();
+        for (const file of pictures.slice(first, first + FRAMES_A_CALL)) {
+          form.append("frame", new Blob([await readFile(file)]), basename(file));
+        }
+        await this.call("POST", `sets/${set}/frames?${query}`, form);
+      }
     }
   }
 

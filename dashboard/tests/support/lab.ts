@@ -1,0 +1,50 @@
+import { readFile } from "node:fs/promises";
+import { darkness, framesOf, MODEL, OTHER_ROOM, ROOM } from "./frames";
+import { Robots } from "./robots";
+import { Service } from "./service";
+
+interface Training {
+  id: number;
+  state: string;
+}
+
+/** A service that has been in use for a while: robots, some of them lost, a data set, a full inbox, a shadow. */
+export class Lab {
+  private constructor(
+    readonly service: Service,
+    private readonly robots: Robots,
+  ) {}
+
+  static async open(): Promise<Lab> {
+    const service = await Service.start({ settings: { lost_after_ms: 1000 } });
+    const frames = [];
+    for (const room of [ROOM, OTHER_ROOM, "bathroom", "one-person office"]) {
+      for (const drive of ["cloudy1", "cloudy2"]) {
+        frames.push(...(await framesOf(room, drive)).slice(0, 6));
+      }
+    }
+    await service.makeSet("home", frames);
+    const asked = { set: "home", model: MODEL, effort: "fast" };
+    const { id } = await service.call<Training>("POST", "trainings", asked);
+    const rule = await service.call<object>("GET", "inbox/rule");
+    await service.call("PUT", "inbox/rule", { ...rule, all: true, every_s: 0, probability: 1 });
+    for (const [at, frame] of (await framesOf("*", "cloudy2")).slice(0, 40).entries()) {
+      await service.recognize(`robot-${at % 5}`, frame);
+    }
+    for (const frame of (await framesOf(OTHER_ROOM, "cloudy2")).slice(8, 12)) {
+      await service.call("POST", `inbox?robot=robot-1&right=${ROOM}`, await readFile(frame));
+    }
+    await service.recognize("lost-one", darkness());
+    while ((await service.call<Training>("GET", `trainings/${id}`)).state === "running") {
+      await service.recognize("lost-one", darkness());
+    }
+    await service.call("POST", `trainings/${id}/publish`, { even_if_worse: true });
+    await service.call("PUT", `models/${MODEL}/labels/shadow`, { version: 2 });
+    return new Lab(service, Robots.drive(service, { robots: 3, rate: 1 }));
+  }
+
+  async close(): Promise<void> {
+    await this.robots.stop();
+    await this.service.remove();
+  }
+}
