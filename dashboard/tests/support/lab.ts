@@ -8,6 +8,12 @@ interface Training {
   state: string;
 }
 
+/** All that robots send is kept. */
+const RULE = {
+  ...{ all: true, robots: [], keys: [], every_s: 0, probability: 1 },
+  ...{ max_frames: 1000, max_bytes: 2 ** 28, max_days: 7 },
+};
+
 /** A service that has been in use for a while: robots, some of them lost, a data set, a full inbox, a shadow. */
 export class Lab {
   private constructor(
@@ -17,6 +23,16 @@ export class Lab {
 
   static async open(): Promise<Lab> {
     const service = await Service.start({ settings: { lost_after_ms: 1000 } });
+    try {
+      await Lab.use(service);
+    } catch (error) {
+      await service.remove();
+      throw error;
+    }
+    return new Lab(service, Robots.drive(service, { robots: 3, rate: 1 }));
+  }
+
+  private static async use(service: Service): Promise<void> {
     const frames = [];
     for (const room of [ROOM, OTHER_ROOM, "bathroom", "one-person office"]) {
       for (const drive of ["cloudy1", "cloudy2"]) {
@@ -26,8 +42,7 @@ export class Lab {
     await service.makeSet("home", frames);
     const asked = { set: "home", model: MODEL, effort: "fast" };
     const { id } = await service.call<Training>("POST", "trainings", asked);
-    const rule = await service.call<object>("GET", "inbox/rule");
-    await service.call("PUT", "inbox/rule", { ...rule, all: true, every_s: 0, probability: 1 });
+    await service.call("PUT", "inbox/rule", RULE);
     for (const [at, frame] of (await framesOf("*", "cloudy2")).slice(0, 40).entries()) {
       await service.recognize(`robot-${at % 5}`, frame);
     }
@@ -40,7 +55,6 @@ export class Lab {
     }
     await service.call("POST", `trainings/${id}/publish`, { even_if_worse: true });
     await service.call("PUT", `models/${MODEL}/labels/shadow`, { version: 2 });
-    return new Lab(service, Robots.drive(service, { robots: 3, rate: 1 }));
   }
 
   async close(): Promise<void> {
