@@ -11,10 +11,13 @@ interface DialogProps {
   wide?: boolean;
   /** Without it there is no way out but what the dialog offers. */
   closable?: boolean;
+  /** Hears of keys wherever the focus is in it. */
+  onKeyDown?: (event: KeyboardEvent) => void;
 }
 
 /** A modal dialog: the browser keeps the focus within it, and gives it back. */
-export function Dialog({ title, onClose, children, wide, closable = true }: DialogProps) {
+export function Dialog(props: DialogProps) {
+  const { title, onClose, children, wide, closable = true, onKeyDown } = props;
   const ref = useRef<HTMLDialogElement>(null);
   const id = useId();
   useEffect(() => {
@@ -34,6 +37,7 @@ export function Dialog({ title, onClose, children, wide, closable = true }: Dial
       onClick={(event) => {
         if (closable && event.target === ref.current) onClose();
       }}
+      onKeyDown={onKeyDown}
     >
       <div class="dialog-head">
         <h2 id={id}>{title}</h2>

@@ -23,8 +23,8 @@ export function FrameViewer({ names, index, picture, onGo, onClose }: FrameViewe
     if (event.key === "ArrowRight") step(1);
   };
   return (
-    <Dialog title={name} wide onClose={onClose}>
-      <div class="stack" onKeyDown={whenPressed}>
+    <Dialog title={name} wide onClose={onClose} onKeyDown={whenPressed}>
+      <div class="stack">
         <Picture class="enlarged" whole eager src={picture(name)} alt={text.frame(name)} />
         <div class="row">
           <Button disabled={index === 0} onClick={() => step(-1)}>

@@ -30,6 +30,8 @@ export function TrainDialog({ set, rooms, model: given, onClose }: TrainDialogPr
   const [how, setHow] = useState<{ effort: Effort; camera?: Camera }>({ effort: "default" });
   const models = useLoad(listModels, []);
   const model = typed ?? models.data?.default ?? DEFAULT_MODEL;
+  // Which model is the default may come after somebody has pressed the button.
+  const isOpen = typed === undefined && models.loading && !models.data;
   const hasTooFew = rooms && rooms.filter(({ name }) => name !== ELSEWHERE).length < 2;
   const { run, busy, error } = useAction(async () => {
     const training = await startTraining({ set, model, ...how });
@@ -61,7 +63,7 @@ export function TrainDialog({ set, rooms, model: given, onClose }: TrainDialogPr
         {error !== undefined && <ErrorNote error={error} />}
         <div class="dialog-foot">
           <Button onClick={onClose}>{common.cancel}</Button>
-          <Button kind="primary" type="submit" busy={busy} disabled={hasTooFew}>
+          <Button kind="primary" type="submit" busy={busy} disabled={hasTooFew || isOpen}>
             {text.trainStart}
           </Button>
         </div>
