@@ -6,21 +6,17 @@ import { Confirmations } from "./components/dialog";
 import { Icon } from "./components/icons";
 import { Busy, ErrorNote } from "./components/layout";
 import { lazy } from "./components/lazy";
-import { toastError, Toasts } from "./components/toasts";
+import { toastError } from "./components/toast";
+import { Toasts } from "./components/toasts";
 import sign from "./favicon.svg";
 import { Corrections } from "./components/wrong";
 import { duration } from "./format";
 import { inboxOpen, useInboxCount } from "./inbox-count";
 import LivePage from "./pages/live";
-import { go, href, type Page, PAGES, route } from "./route";
+import { go, href, type Page, PAGES, route, type PageProps } from "./route";
 import { checkSession, session, signedIn, signOut } from "./session";
 import { SignIn } from "./sign-in";
 import { text } from "./texts/common";
-
-/** What every page gets: the parts of the address after its own name. */
-export interface PageProps {
-  rest: string[];
-}
 
 const COMPONENTS = {
   live: LivePage,

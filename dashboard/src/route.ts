@@ -49,3 +49,8 @@ export function go(to: string, replace = false): void {
   history.replaceState(null, "", to);
   route.value = parseRoute(location.hash);
 }
+
+/** What every page gets: the parts of the address after its own name. */
+export interface PageProps {
+  rest: string[];
+}

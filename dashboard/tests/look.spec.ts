@@ -111,7 +111,9 @@ for (const view of VIEWS) {
   });
 }
 
-test("a data set is reached, and its frames are gone through, with keys alone", async ({ page }) => {
+test("a data set is reached, and its frames are gone through, with keys alone", async ({
+  page,
+}) => {
   await page.goto("#/live");
   await expect(page.locator(".robot-card").first()).toBeVisible();
   /** Presses Tab until the focus is on something of that name. */

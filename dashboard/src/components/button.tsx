@@ -1,7 +1,7 @@
 import type { ComponentChildren, Ref } from "preact";
 import { useId } from "preact/hooks";
 import { Icon, type IconName } from "./icons";
-import { toast } from "./toasts";
+import { toast } from "./toast";
 
 interface ButtonProps {
   children?: ComponentChildren;

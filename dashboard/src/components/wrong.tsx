@@ -11,7 +11,7 @@ import { text } from "../texts/common";
 import { Button } from "./button";
 import { Dialog } from "./dialog";
 import { ErrorNote } from "./layout";
-import { toast, toastError } from "./toasts";
+import { toast, toastError } from "./toast";
 
 interface WrongProps {
   /** The frame that was answered, as it was when the button was pressed. */

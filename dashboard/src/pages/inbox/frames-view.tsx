@@ -9,7 +9,7 @@ import { FrameViewer } from "../../components/frame-viewer";
 import { EmptyState, ErrorNote, Note } from "../../components/layout";
 import { usePaged } from "../../components/paged";
 import { kept, meant, NOTHING, type Selection } from "../../components/selection";
-import { toast, toastError } from "../../components/toasts";
+import { toast, toastError } from "../../components/toast";
 import { percent } from "../../format";
 import { useLoad } from "../../hooks";
 import { inboxOpen } from "../../inbox-count";

@@ -7,7 +7,7 @@ import { listTrainings } from "../../api/trainings";
 import { Button } from "../../components/button";
 import { Busy, ErrorNote } from "../../components/layout";
 import { Picture } from "../../components/picture";
-import { toast, toastError } from "../../components/toasts";
+import { toast, toastError } from "../../components/toast";
 import { percent } from "../../format";
 import { useLoad } from "../../hooks";
 import { blockedForData } from "../../session";

@@ -6,7 +6,7 @@ import { Button } from "../../components/button";
 import { CheckField, SelectField, TextField } from "../../components/fields";
 import { Busy, ErrorNote, Note } from "../../components/layout";
 import { Radios } from "../../components/radios";
-import { toast } from "../../components/toasts";
+import { toast } from "../../components/toast";
 import { TrainingFields } from "../../components/training-fields";
 import { useAction, useLoad } from "../../hooks";
 import { blockedForData } from "../../session";

@@ -3,7 +3,7 @@ import { putRule, type Rule, type RuleSettings } from "../../api/inbox";
 import { Button } from "../../components/button";
 import { TextField } from "../../components/fields";
 import { ErrorNote } from "../../components/layout";
-import { toast } from "../../components/toasts";
+import { toast } from "../../components/toast";
 import { bytes } from "../../format";
 import { useAction } from "../../hooks";
 import { blockedForData } from "../../session";

@@ -1,12 +1,11 @@
 import { useEffect, useState } from "preact/hooks";
-import type { PageProps } from "../../app";
 import { CompactSelect } from "../../components/fields";
 import { Badge, Busy, EmptyState, ErrorNote, PageHead } from "../../components/layout";
 import { Spoken } from "../../components/spoken";
 import { Tabs } from "../../components/tabs";
 import { useLoad } from "../../hooks";
 import { mapOf } from "../../model-map";
-import { href } from "../../route";
+import { href, type PageProps } from "../../route";
 import { signIns } from "../../session";
 import { text } from "../../texts/live";
 import { LiveMap } from "./live-map";

@@ -1,7 +1,7 @@
 import { percent } from "../../format";
 import { text } from "../../texts/models";
 import { ratesByRoom } from "./charts";
-import { Difference } from "./report-view";
+import { Difference } from "./difference";
 import type { Described } from "./subject";
 
 /** Bars of how often each room was answered right. */

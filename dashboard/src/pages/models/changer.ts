@@ -9,7 +9,7 @@ import {
 } from "../../api/versions";
 import type { ModelInfo } from "../../api/models";
 import { confirm } from "../../components/dialog";
-import { toast, toastError } from "../../components/toasts";
+import { toast, toastError } from "../../components/toast";
 import { percent } from "../../format";
 import { useAction } from "../../hooks";
 import { text } from "../../texts/models";

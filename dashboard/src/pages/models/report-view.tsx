@@ -2,8 +2,8 @@ import { decimal, percent } from "../../format";
 import { text } from "../../texts/models";
 import { About } from "./about";
 import { ByRoom } from "./by-room";
-import { isClear } from "./charts";
 import { Confusion } from "./confusion";
+import { Difference } from "./difference";
 import { Reliability } from "./reliability";
 import type { Described } from "./subject";
 import type { Rate } from "../../api/trainings";
@@ -141,20 +141,5 @@ function FigureValue({ value }: { value: Rate | undefined }) {
       <strong>{percent(value?.rate)}</strong>
       {value && value.n_frames > 0 && <span class="muted"> {text.ofN(value.n_frames)}</span>}
     </>
-  );
-}
-
-/** The difference in percentage points; colored where chance does not explain it. */
-export function Difference({ before, now }: { before: Rate | undefined; now: Rate | undefined }) {
-  if (before?.rate == null || now?.rate == null) return null;
-  const points = (now.rate - before.rate) * 100;
-  const hasCounts = before.n_frames > 0 && now.n_frames > 0;
-  const kind = !hasCounts || !isClear(before, now) ? "muted" : points > 0 ? "better" : "worse";
-  const sign = points > 0 ? "+" : points < 0 ? "−" : "±";
-  return (
-    <span class={kind}>
-      {sign}
-      {decimal(Math.abs(points))}
-    </span>
   );
 }

@@ -7,7 +7,7 @@ import { Progress } from "../../components/bars";
 import { Button } from "../../components/button";
 import { confirm } from "../../components/dialog";
 import { Badge, Busy, ErrorNote, Note, PageHead } from "../../components/layout";
-import { toast } from "../../components/toasts";
+import { toast } from "../../components/toast";
 import { dateTime, duration } from "../../format";
 import { useAction, useLoad } from "../../hooks";
 import { go, href } from "../../route";

@@ -1,8 +1,7 @@
-import type { PageProps } from "../../app";
 import { Audit } from "../../components/audit-list";
 import { PageHead } from "../../components/layout";
 import { Tabs } from "../../components/tabs";
-import { go, href } from "../../route";
+import { go, href, type PageProps } from "../../route";
 import { text as auditText } from "../../texts/audit";
 import { text } from "../../texts/service";
 import { About } from "./about";

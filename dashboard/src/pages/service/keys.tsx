@@ -6,7 +6,7 @@ import { confirm, Dialog } from "../../components/dialog";
 import { SelectField, TextField } from "../../components/fields";
 import { Busy, EmptyState, ErrorNote, Note } from "../../components/layout";
 import { Table } from "../../components/table";
-import { toast, toastError } from "../../components/toasts";
+import { toast, toastError } from "../../components/toast";
 import { dateTime } from "../../format";
 import { useAction, useLoad } from "../../hooks";
 import { blockedFor, blockedForData, checkSession, service } from "../../session";

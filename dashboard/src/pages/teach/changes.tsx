@@ -1,7 +1,7 @@
 import type { Change } from "../../api/sets";
 import { Button } from "../../components/button";
 import { Badge } from "../../components/layout";
-import { toastError } from "../../components/toasts";
+import { toastError } from "../../components/toast";
 import { dateTime } from "../../format";
 import { useAction } from "../../hooks";
 import { blockedForData } from "../../session";

@@ -8,7 +8,7 @@ import { useAction, useLoad } from "../../hooks";
 import { blockedForData } from "../../session";
 import { text } from "../../texts/teach";
 import { MoveDialog } from "./move-dialog";
-import type { Changer } from "./set-page";
+import type { Changer } from "./changer";
 
 const POLL_MS = 1500;
 /** Findings of one kind that are drawn at first. */

@@ -11,7 +11,7 @@ import { text } from "../../texts/teach";
 import { MoveDialog } from "./move-dialog";
 import { RoomHead } from "./room-head";
 import { RoomList, type Chosen } from "./room-list";
-import type { Changer } from "./set-page";
+import type { Changer } from "./changer";
 
 /** So many frames are asked for at once. */
 const PAGE = 500;

@@ -8,7 +8,7 @@ import { text as common } from "../../texts/common";
 import { text } from "../../texts/teach";
 import { named } from "./folders";
 import type { Chosen } from "./room-list";
-import type { Changer } from "./set-page";
+import type { Changer } from "./changer";
 
 interface RoomHeadProps {
   set: DataSet;

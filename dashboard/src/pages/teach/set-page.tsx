@@ -1,14 +1,15 @@
 import { useState } from "preact/hooks";
-import { changeSet, getSet, undoChange, type ChangeRequest } from "../../api/sets";
+import { changeSet, getSet, undoChange } from "../../api/sets";
 import { BackLink } from "../../components/back-link";
 import { Button } from "../../components/button";
 import { Busy, ErrorNote, Note, PageHead } from "../../components/layout";
 import { Tabs } from "../../components/tabs";
-import { toast, toastError } from "../../components/toasts";
+import { toast, toastError } from "../../components/toast";
 import { useLoad } from "../../hooks";
 import { go, href } from "../../route";
 import { blockedForData } from "../../session";
 import { text } from "../../texts/teach";
+import type { Changer } from "./changer";
 import { Changes } from "./changes";
 import { CheckView } from "./check";
 import { FramesView } from "./frames-view";
@@ -18,9 +19,6 @@ import { UploadDialog } from "./upload-dialog";
 
 const TABS = ["frames", "check", "changes"] as const;
 type Tab = (typeof TABS)[number];
-
-/** Does something to a set, tells it and lets it be undone; whether it was done. */
-export type Changer = (change: ChangeRequest) => Promise<boolean>;
 
 /** One data set. */
 export function SetPage({ name, part }: { name: string; part?: string }) {

@@ -4,7 +4,7 @@ import { Button } from "../../components/button";
 import { confirm, Dialog } from "../../components/dialog";
 import { TextField } from "../../components/fields";
 import { Busy, EmptyState, ErrorNote, PageHead } from "../../components/layout";
-import { toast, toastError } from "../../components/toasts";
+import { toast, toastError } from "../../components/toast";
 import { bytes, dateTime } from "../../format";
 import { useAction, useLoad } from "../../hooks";
 import { go, href } from "../../route";
