@@ -93,9 +93,12 @@ test("frames go elsewhere, into a new room, and away", async ({ page, service })
   expect((await roomsOf(service)).sort()).toEqual([common.elsewhere, ROOM, "stairs"].sort());
 });
 
-test("of two people who label the same frame the second is told", async (
-  { page, service, browser, baseURL },
-) => {
+test("of two people who label the same frame the second is told", async ({
+  page,
+  service,
+  browser,
+  baseURL,
+}) => {
   await fill(service, 1);
   const other = await browser.newPage({ baseURL });
   for (const person of [page, other]) {

@@ -51,7 +51,7 @@ const VIEWS: View[] = [
   { name: "teach-check", path: "teach/home/check", shows: ".tab-body" },
   { name: "teach-changes", path: "teach/home/changes", shows: ".table td" },
   { name: "teach-record", path: "teach/home/record", shows: ".record-form" },
-  { name: "inbox", path: "inbox", shows: ".training-frames-list img" },
+  { name: "inbox", path: "inbox", shows: ".training-frames-list .picture" },
   { name: "inbox-rule", path: "inbox/rule", shows: ".form" },
   { name: "inbox-policy", path: "inbox/policy", shows: ".form" },
   { name: "models", path: "models", shows: ".version-actions" },
@@ -111,7 +111,9 @@ for (const view of VIEWS) {
   });
 }
 
-test("a data set is reached, and its frames are gone through, with keys alone", async ({ page }) => {
+test("a data set is reached, and its frames are gone through, with keys alone", async ({
+  page,
+}) => {
   await page.goto("#/live");
   await expect(page.locator(".robot-card").first()).toBeVisible();
   /** Presses Tab until the focus is on something of that name. */

@@ -2,6 +2,7 @@ import { readdir, writeFile } from "node:fs/promises";
 import { join } from "node:path";
 import type { Page } from "@playwright/test";
 import { percent } from "../src/format";
+import { text as audit } from "../src/texts/audit";
 import { text } from "../src/texts/models";
 import { text as teach } from "../src/texts/teach";
 import { framesOf, MODEL, OTHER_ROOM, ROOM } from "./support/frames";
@@ -37,15 +38,14 @@ async function addVersions(service: Service, ...versions: number[]): Promise<voi
   for (const version of versions) {
     const folder = join(service.models, MODEL, String(version));
     const names = ["model.json", "model.safetensors"];
-    await layOut(
-      folder,
-      Object.fromEntries(names.map((name) => [name, join(first, name)])),
-    );
+    await layOut(folder, Object.fromEntries(names.map((name) => [name, join(first, name)])));
   }
 }
 
 const row = (page: Page, version: number) =>
-  page.getByRole("listitem").filter({ has: page.getByText(text.version(version), { exact: true }) });
+  page
+    .getByRole("listitem")
+    .filter({ has: page.getByText(text.version(version), { exact: true }) });
 
 const badge = (page: Page, version: number, label: string) =>
   row(page, version).locator(".badge", { hasText: label });
@@ -86,7 +86,7 @@ test("what was trained goes into service step by step, and back", async ({ page,
 
   await page.getByRole("tab", { name: text.tabs.audit }).click();
   for (const what of ["train", "publish", "label", "activate", "rollback"]) {
-    const told = text.auditWhat[what] ?? "";
+    const told = audit.actions[what] ?? "";
     await expect(page.getByRole("cell", { name: told, exact: true }).first()).toBeVisible();
   }
 });
@@ -117,9 +117,10 @@ test("a training that fails says why", async ({ page, service }) => {
   await expect(badge(page, 1, text.stable)).toBeVisible();
 });
 
-test("a change of what somebody else has changed is told, and done anew", async (
-  { page, service },
-) => {
+test("a change of what somebody else has changed is told, and done anew", async ({
+  page,
+  service,
+}) => {
   await addVersions(service, 2);
   // A newer version serves by itself, so that the one before can come back.
   await page.goto("#/models");
@@ -140,8 +141,8 @@ test("two versions stand side by side", async ({ page, service }) => {
   await page.goto("#/models");
   await expect(badge(page, 2, text.stable)).toBeVisible();
   await row(page, 1).getByRole("link", { name: text.compare }).click();
-  await expect(page.getByLabel(text.left)).toHaveValue(/2/);
-  await expect(page.getByLabel(text.right2)).toHaveValue(/1/);
+  await expect(page.getByLabel(text.first)).toHaveValue(/2/);
+  await expect(page.getByLabel(text.second)).toHaveValue(/1/);
   await expect(page.getByRole("heading", { name: `${MODEL}/1` })).toBeVisible();
   await expect(page.getByRole("heading", { name: `${MODEL}/2` })).toBeVisible();
   await page.goto("#/models/lab/1");

@@ -35,9 +35,10 @@ test("a room is recorded with the camera until it is enough", async ({ page, ser
   await expect(page.getByRole("listbox").getByRole("option").first()).toBeVisible();
 });
 
-test("a service that goes away while recording gets the frames later", async (
-  { page, service },
-) => {
+test("a service that goes away while recording gets the frames later", async ({
+  page,
+  service,
+}) => {
   await service.call("PUT", "sets/home");
   await page.goto("#/teach/home/record");
   await record(page, "kitchen");

@@ -1,4 +1,5 @@
 import type { Page } from "@playwright/test";
+import { text as auditText } from "../src/texts/audit";
 import { text as common } from "../src/texts/common";
 import { text as models } from "../src/texts/models";
 import { text as teach } from "../src/texts/teach";
@@ -20,7 +21,9 @@ test("charts and tables tell how the service does", async ({ page, service }) =>
   await page.goto("#/service");
   await expect(page.getByRole("heading", { name: text.noHistory })).toBeVisible();
   await service.recognize("wall-e", frame);
-  const throughput = page.getByRole("img", { name: new RegExp(`^${text.charts.throughput}\\. Now`) });
+  const throughput = page.getByRole("img", {
+    name: new RegExp(`^${text.charts.throughput}\\. Now`),
+  });
   // The first point comes after ten seconds.
   await expect(throughput).toBeVisible({ timeout: 30_000 });
   await expect(throughput.locator("canvas")).toBeVisible();
@@ -28,9 +31,11 @@ test("charts and tables tell how the service does", async ({ page, service }) =>
   await expect(page.getByRole("group", { name: text.connected })).toContainText("wall-e");
 });
 
-test("the first key of an open service is made, and then keys are asked for", async (
-  { page, browser, baseURL },
-) => {
+test("the first key of an open service is made, and then keys are asked for", async ({
+  page,
+  browser,
+  baseURL,
+}) => {
   await page.goto("#/service/keys");
   await expect(page.getByText(text.keysOpen)).toBeVisible();
   await page.getByRole("button", { name: text.makeFirstKey }).click();
@@ -82,7 +87,10 @@ test("a viewer sees everything and changes nothing", async ({ page, service }) =
   expect(rooms).toHaveLength(1);
 });
 
-test("a robot's key shows frames to the model, and sees nothing else", async ({ page, service }) => {
+test("a robot's key shows frames to the model, and sees nothing else", async ({
+  page,
+  service,
+}) => {
   const [frame = ""] = await framesOf(ROOM, "cloudy2");
   const { robot } = await service.makeKeys();
   await page.goto("#/try");
@@ -94,9 +102,10 @@ test("a robot's key shows frames to the model, and sees nothing else", async ({ 
   await expect(page.getByRole("alert")).toBeVisible();
 });
 
-test("whoever's key is revoked is asked to sign in, and goes on where they were", async (
-  { page, service },
-) => {
+test("whoever's key is revoked is asked to sign in, and goes on where they were", async ({
+  page,
+  service,
+}) => {
   const { viewer, admin } = await service.makeKeys();
   await page.goto("#/teach");
   await signIn(page, viewer);
@@ -113,10 +122,10 @@ test("whoever's key is revoked is asked to sign in, and goes on where they were"
   const question = dialog(page, text.revokeTitle("robot-key"));
   await question.getByRole("button", { name: text.revoke }).click();
   await expect(row).toHaveCount(0);
-  await page.getByRole("tab", { name: text.audit }).click();
-  const audit = page.getByRole("group", { name: text.audit });
+  await page.getByRole("tab", { name: auditText.title }).click();
+  const audit = page.getByRole("group", { name: auditText.title });
   const revoked = audit.getByRole("row").filter({ hasText: "robot-key" });
-  await expect(revoked.first()).toContainText(text.actions.key_revoked ?? "");
+  await expect(revoked.first()).toContainText(auditText.actions.key_revoked ?? "");
   await expect(revoked.first()).toContainText("admin-key");
 });
 

@@ -80,7 +80,9 @@ test.describe("a set that is there", () => {
     await room(page, ROOM).click();
     await expect(tiles(page)).toHaveCount(6);
     await tiles(page).nth(0).click();
-    await tiles(page).nth(3).click({ modifiers: ["Shift"] });
+    await tiles(page)
+      .nth(3)
+      .click({ modifiers: ["Shift"] });
     await tiles(page)
       .nth(1)
       .click({ modifiers: ["ControlOrMeta"] });
@@ -98,7 +100,9 @@ test.describe("a set that is there", () => {
     await room(page, ROOM).click();
     await expect(tiles(page)).toHaveCount(6);
     await tiles(page).nth(0).click();
-    await tiles(page).nth(1).click({ modifiers: ["Shift"] });
+    await tiles(page)
+      .nth(1)
+      .click({ modifiers: ["Shift"] });
     await tiles(page).nth(1).dragTo(room(page, OTHER_ROOM));
     await expect(room(page, OTHER_ROOM)).toContainText("6");
     await expect(room(page, ROOM)).toContainText("4");
@@ -132,9 +136,10 @@ test.describe("a set that is there", () => {
   });
 });
 
-test("the check finds a picture that is in two rooms, and it is put right", async (
-  { page, service },
-) => {
+test("the check finds a picture that is in two rooms, and it is put right", async ({
+  page,
+  service,
+}) => {
   const [one = "", two = ""] = await framesOf(ROOM, "cloudy1");
   await layOut(join(service.data, "sets/odd"), {
     "printer/monday/1.jpeg": one,
