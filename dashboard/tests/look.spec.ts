@@ -51,7 +51,7 @@ const VIEWS: View[] = [
   { name: "teach-check", path: "teach/home/check", shows: ".tab-body" },
   { name: "teach-changes", path: "teach/home/changes", shows: ".table td" },
   { name: "teach-record", path: "teach/home/record", shows: ".record-form" },
-  { name: "inbox", path: "inbox", shows: ".training-frames-list img" },
+  { name: "inbox", path: "inbox", shows: ".training-frames-list .picture" },
   { name: "inbox-rule", path: "inbox/rule", shows: ".form" },
   { name: "inbox-policy", path: "inbox/policy", shows: ".form" },
   { name: "models", path: "models", shows: ".version-actions" },

@@ -1,5 +1,5 @@
 import type { Page } from "@playwright/test";
-import { text as audit } from "../src/texts/audit";
+import { text as auditText } from "../src/texts/audit";
 import { text as common } from "../src/texts/common";
 import { text as models } from "../src/texts/models";
 import { text as teach } from "../src/texts/teach";
@@ -122,10 +122,10 @@ test("whoever's key is revoked is asked to sign in, and goes on where they were"
   const question = dialog(page, text.revokeTitle("robot-key"));
   await question.getByRole("button", { name: text.revoke }).click();
   await expect(row).toHaveCount(0);
-  await page.getByRole("tab", { name: audit.title }).click();
-  const list = page.getByRole("group", { name: audit.title });
-  const revoked = list.getByRole("row").filter({ hasText: "robot-key" });
-  await expect(revoked.first()).toContainText(audit.actions.key_revoked ?? "");
+  await page.getByRole("tab", { name: auditText.title }).click();
+  const audit = page.getByRole("group", { name: auditText.title });
+  const revoked = audit.getByRole("row").filter({ hasText: "robot-key" });
+  await expect(revoked.first()).toContainText(auditText.actions.key_revoked ?? "");
   await expect(revoked.first()).toContainText("admin-key");
 });
 

@@ -15,15 +15,20 @@ interface DialogProps {
   onKeyDown?: (event: KeyboardEvent) => void;
 }
 
-/** A modal dialog: the browser keeps the focus within it, and gives it back. */
+/** A modal dialog: the browser keeps the focus within it, and it goes back to where it was. */
 export function Dialog(props: DialogProps) {
   const { title, onClose, children, wide, closable = true, onKeyDown } = props;
   const ref = useRef<HTMLDialogElement>(null);
   const id = useId();
   useEffect(() => {
     const dialog = ref.current;
+    const before = document.activeElement;
     if (dialog && !dialog.open) dialog.showModal();
-    return () => dialog?.close();
+    return () => {
+      dialog?.close();
+      // A dialog that has left the document gives no focus back by itself.
+      if (before instanceof HTMLElement) before.focus();
+    };
   }, []);
   return (
     <dialog
