@@ -75,9 +75,10 @@ async function show(page: Page, view: View): Promise<void> {
   await expect(page.locator(view.shows).first()).toBeVisible({ timeout: 25_000 });
 }
 
-/** Whether all pictures have come that are in view. */
+/** Whether all pictures have come that are in view; those of a model that was trained elsewhere never do. */
 const arePicturesThere = () =>
   [...document.images].every((image) => {
+    if (image.closest(".training-frames-list")) return true;
     const { top, bottom } = image.getBoundingClientRect();
     return image.complete || bottom < 0 || top > innerHeight;
   });
@@ -121,6 +122,8 @@ test("a data set is reached, and its frames are gone through, with keys alone", 
     for (let presses = 0; presses < 60; presses += 1) {
       await page.keyboard.press("Tab");
       const focused = page.locator(":focus");
+      // After the last part of the page the browser has it.
+      if ((await focused.count()) === 0) continue;
       const told = await focused.evaluate(
         (element) => element.getAttribute("aria-label") ?? element.textContent?.trim() ?? "",
       );
@@ -149,7 +152,10 @@ test("a data set is reached, and its frames are gone through, with keys alone", 
   await expect(page.getByRole("button", { name: teach.addPictures })).toBeFocused();
   await tabTo("bathroom");
   await page.keyboard.press("Enter");
-  await tabTo(teach.gridLabel("bathroom", 12));
+  await expect(async () => {
+    await page.keyboard.press("Tab");
+    await expect(page.getByRole("listbox")).toBeFocused({ timeout: 200 });
+  }).toPass();
   await page.keyboard.press("ArrowRight");
   await page.keyboard.press(" ");
   await expect(page.getByText(teach.selected(1), { exact: true })).toBeVisible();

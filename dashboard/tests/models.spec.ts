@@ -58,7 +58,7 @@ test("what was trained goes into service step by step, and back", async ({ page,
   await expect(page.getByRole("progressbar", { name: text.training(1) })).toBeVisible();
   // It gives way to all other processes.
   await expect(page.getByRole("heading", { name: text.comparison })).toBeVisible({
-    timeout: 60_000,
+    timeout: 120_000,
   });
   await expect(page.getByRole("heading", { name: text.confusion })).toBeVisible();
   const serving = `${MODEL}/1`;

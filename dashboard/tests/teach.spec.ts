@@ -140,6 +140,7 @@ test("the check finds a picture that is in two rooms, and it is put right", asyn
   page,
   service,
 }) => {
+  test.slow();
   const [one = "", two = ""] = await framesOf(ROOM, "cloudy1");
   await layOut(join(service.data, "sets/odd"), {
     "printer/monday/1.jpeg": one,
@@ -149,7 +150,7 @@ test("the check finds a picture that is in two rooms, and it is put right", asyn
   await page.goto("#/teach/odd/check");
   await page.getByRole("button", { name: text.checkStart }).click();
   // The process that looks for it gives way to all others.
-  await expect(page.getByText(/^Checked .+: 3 frames\./)).toBeVisible({ timeout: 40_000 });
+  await expect(page.getByText(/^Checked .+: 3 frames\./)).toBeVisible({ timeout: 120_000 });
   const finding = page.getByRole("listitem").filter({ hasText: "also in printer" });
   await expect(finding.getByRole("img")).toHaveCount(2);
   await finding.getByRole("button", { name: text.remove }).click();

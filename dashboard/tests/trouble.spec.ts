@@ -24,7 +24,7 @@ test("a service that goes away is told, and the page finds it again", async ({ p
   await page.getByRole("button", { name: common.retry }).first().click();
   await expect(page.getByRole("heading", { name: "lab", exact: true })).toBeVisible();
   await page.getByRole("link", { name: common.live, exact: true }).click();
-  await expect(page.getByText(text.feed.open, { exact: true })).toBeVisible({ timeout: 20_000 });
+  await expect(state.getByText(text.feed.open, { exact: true })).toBeVisible({ timeout: 20_000 });
 });
 
 for (const [way, milliseconds] of [
