@@ -12,7 +12,8 @@ export const text = {
   backToTrainings: "Trainings",
 
   none: "No models yet",
-  noneText: "Record your rooms in Teach, then train on them.",
+  noneText:
+    "Nothing can be recognized before there is one. Record your rooms in Teach, or add pictures of them, then train.",
   toTeach: "Go to Teach",
   default: "Default",
   defaultHint: "Requests that name no model are answered by it.",
@@ -168,6 +169,7 @@ export const text = {
   efforts: { fast: "fast", default: "default effort", best: "best effort" },
   began: (at: string, by: string) => `Began ${at} by ${by}`,
   took: (duration: string) => `took ${duration}`,
+  runsFor: (duration: string) => `running for ${duration}`,
   cancelTraining: "Cancel training",
   cancelTitle: "Cancel this training?",
   cancelText:

@@ -102,7 +102,7 @@ function Head({ training, reload }: PartProps) {
           <strong>{text.trainingOn(model, set)}</strong>{" "}
           <span class="muted">
             {text.efforts[effort]} · {text.began(dateTime(began), by)} ·{" "}
-            {text.took(duration(secondsOf(training)))}
+            {(isRunning ? text.runsFor : text.took)(duration(secondsOf(training)))}
           </span>
         </p>
         {isRunning && (
