@@ -83,6 +83,7 @@ export const text = {
   drives: "Drives",
   opinions: "Opinions",
   tried: "Tried",
+  triedHint: "A later one is chosen only where it is right more often by more than chance.",
   right: "Right",
   chosen: "Chosen",
   simulated: "Simulated frames",
