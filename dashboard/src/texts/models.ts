@@ -142,7 +142,7 @@ export const text = {
   verdictWeakRoomMore: (room: string, rate: string, n: number) =>
     `${room} (${rate}; about ${n} more)`,
   verdictOneDrive: (rooms: string) =>
-    `From one drive only, so that nothing tells how another day looks: ${rooms}.`,
+    `From one drive only, so that nothing tells how another day looks and these numbers flatter: ${rooms}.`,
   notHeldOut: (n: number, reason: string, rooms: string) =>
     `${frames(n)} were not tested: ${reason} (${rooms}).`,
 
