@@ -12,7 +12,8 @@ export const text = {
   backToTrainings: "Trainings",
 
   none: "No models yet",
-  noneText: "Record your rooms in Teach, then train on them.",
+  noneText:
+    "Nothing can be recognized before there is one. Record your rooms in Teach, or add pictures of them, then train.",
   toTeach: "Go to Teach",
   default: "Default",
   defaultHint: "Requests that name no model are answered by it.",
@@ -82,6 +83,7 @@ export const text = {
   drives: "Drives",
   opinions: "Opinions",
   tried: "Tried",
+  triedHint: "A later one is chosen only where it is right more often by more than chance.",
   right: "Right",
   chosen: "Chosen",
   simulated: "Simulated frames",
@@ -140,7 +142,7 @@ export const text = {
   verdictWeakRoomMore: (room: string, rate: string, n: number) =>
     `${room} (${rate}; about ${n} more)`,
   verdictOneDrive: (rooms: string) =>
-    `From one drive only, so that nothing tells how another day looks: ${rooms}.`,
+    `From one drive only, so that nothing tells how another day looks and these numbers flatter: ${rooms}.`,
   notHeldOut: (n: number, reason: string, rooms: string) =>
     `${frames(n)} were not tested: ${reason} (${rooms}).`,
 
@@ -168,6 +170,7 @@ export const text = {
   efforts: { fast: "fast", default: "default effort", best: "best effort" },
   began: (at: string, by: string) => `Began ${at} by ${by}`,
   took: (duration: string) => `took ${duration}`,
+  runsFor: (duration: string) => `running for ${duration}`,
   cancelTraining: "Cancel training",
   cancelTitle: "Cancel this training?",
   cancelText:

@@ -1,6 +1,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { CompactSelect } from "../../components/fields";
 import { Badge, Busy, EmptyState, ErrorNote, PageHead } from "../../components/layout";
+import { NoModel, useNoModel } from "../../components/no-model";
 import { Spoken } from "../../components/spoken";
 import { Tabs } from "../../components/tabs";
 import { useLoad } from "../../hooks";
@@ -112,6 +113,8 @@ function FeedNote() {
 }
 
 function NoRobots() {
+  const hasNoModel = useNoModel();
+  if (hasNoModel) return <NoModel />;
   if (feedState.value === "connecting") return <Busy />;
   const url = new URL("v1/recognize?robot=wall-e", document.baseURI);
   url.hash = "";

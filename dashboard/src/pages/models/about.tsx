@@ -82,6 +82,7 @@ function MeasuredRow({ data, n, rate }: { data: string; n: number; rate: number 
 function Choice({ choice }: { choice: NonNullable<Card["choice"]> }) {
   return (
     <div class="table-wrap">
+      {choice.tallies.length > 1 && <p class="muted small">{text.triedHint}</p>}
       <table class="table">
         <thead>
           <tr>

@@ -5,9 +5,9 @@ import { listTrainings, type Training } from "../../api/trainings";
 import { Button } from "../../components/button";
 import { Dialog } from "../../components/dialog";
 import { SelectField } from "../../components/fields";
-import { Badge, Busy, EmptyState, ErrorNote } from "../../components/layout";
+import { Badge, Busy, ErrorNote } from "../../components/layout";
+import { NoModel } from "../../components/no-model";
 import { useLoad } from "../../hooks";
-import { go, href } from "../../route";
 import { blockedFor, blockedForData } from "../../session";
 import { text as common } from "../../texts/common";
 import { text } from "../../texts/models";
@@ -38,13 +38,7 @@ export function ModelList() {
         .map((training) => (
           <RunningTraining key={training.id} training={training} />
         ))}
-      {data.models.length === 0 && (
-        <EmptyState icon="models" title={text.none} text={text.noneText}>
-          <Button kind="primary" icon="teach" onClick={() => go(href("teach"))}>
-            {text.toTeach}
-          </Button>
-        </EmptyState>
-      )}
+      {data.models.length === 0 && <NoModel />}
       {data.models.map((model) => (
         <ModelCard
           key={model.name}

@@ -20,6 +20,8 @@ import { secondsOf, STATE_KINDS } from "./training-list";
 import { VerdictView } from "./verdict-view";
 
 const EVERY_MS = 1500;
+/** What lines of the log begin with that say something to know. */
+const NOTE = "note: ";
 
 /** One training: how far it is, what it says, and what to do with what it made. */
 export function TrainingPage({ id }: { id: number }) {
@@ -102,7 +104,7 @@ function Head({ training, reload }: PartProps) {
           <strong>{text.trainingOn(model, set)}</strong>{" "}
           <span class="muted">
             {text.efforts[effort]} · {text.began(dateTime(began), by)} ·{" "}
-            {text.took(duration(secondsOf(training)))}
+            {(isRunning ? text.runsFor : text.took)(duration(secondsOf(training)))}
           </span>
         </p>
         {isRunning && (
@@ -127,6 +129,11 @@ function Head({ training, reload }: PartProps) {
   );
 }
 
+/** What the log notes, such as that there is no network: few open a log of what went well. */
+function notesOf({ log }: Training): string[] {
+  return (log ?? []).filter((line) => line.startsWith(NOTE)).map((line) => line.slice(NOTE.length));
+}
+
 /** What the training says, and the way of its model into service. */
 function Outcome({ training, reload }: PartProps) {
   const { id, comparison, published, report } = training;
@@ -137,6 +144,11 @@ function Outcome({ training, reload }: PartProps) {
         <section class="card padded">
           <h2>{text.verdict}</h2>
           <VerdictView report={report} />
+          {notesOf(training).map((note) => (
+            <Note key={note}>
+              <p>{note}</p>
+            </Note>
+          ))}
         </section>
       )}
       <section class="card padded stack">

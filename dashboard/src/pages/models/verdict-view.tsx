@@ -20,6 +20,10 @@ export function VerdictView({ report }: { report: Report }) {
       {verdict.is_better_than_guessing === false && (
         <li class="worse">{text.verdictGuessing(percent(verdict.guessing))}</li>
       )}
+      {/* First: the numbers after it are of frames much like those that trained. */}
+      {verdict.rooms_of_one_drive.length > 0 && (
+        <li>{text.verdictOneDrive(verdict.rooms_of_one_drive.join(", "))}</li>
+      )}
       <li>
         {verdict.knows
           ? text.verdictKnows(percent(knowledge.right_known.rate), percent(knowledge.known.rate))
@@ -35,9 +39,6 @@ export function VerdictView({ report }: { report: Report }) {
       )}
       {pairs.length > 0 && <li>{text.verdictConfused(pairs.join(", "))}</li>}
       {weak.length > 0 && <li>{text.verdictWeak(weak.join(", "))}</li>}
-      {verdict.rooms_of_one_drive.length > 0 && (
-        <li>{text.verdictOneDrive(verdict.rooms_of_one_drive.join(", "))}</li>
-      )}
       {notHeldOut.map(({ reason, n_frames, rooms }) => (
         <li key={reason} class="muted">
           {text.notHeldOut(n_frames, reason, rooms.join(", "))}

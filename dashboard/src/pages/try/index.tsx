@@ -1,5 +1,6 @@
 import { useState } from "preact/hooks";
 import { PageHead } from "../../components/layout";
+import { NoModel, useNoModel } from "../../components/no-model";
 import { Tabs } from "../../components/tabs";
 import { text } from "../../texts/try";
 import { CameraSource } from "./camera-source";
@@ -18,12 +19,17 @@ const isHandheld = matchMedia("(pointer: coarse)").matches;
 
 export default function TryPage() {
   const [source, setSource] = useState<Source>(isHandheld ? "camera" : "picture");
+  const hasNoModel = useNoModel();
   return (
     <>
       <PageHead title={text.title} lead={text.lead} />
-      <Tabs label={text.sources} tabs={SOURCES} chosen={source} onChoose={setSource}>
-        <div class="try-panel">{source === "camera" ? <CameraSource /> : <PictureSource />}</div>
-      </Tabs>
+      {hasNoModel ? (
+        <NoModel />
+      ) : (
+        <Tabs label={text.sources} tabs={SOURCES} chosen={source} onChoose={setSource}>
+          <div class="try-panel">{source === "camera" ? <CameraSource /> : <PictureSource />}</div>
+        </Tabs>
+      )}
     </>
   );
 }
