@@ -2,7 +2,7 @@ use super::*;
 use crate::engine::doubts::{DoubtedAnswer, DoubtedFrame};
 use crate::teaching::Who;
 use bytes::Bytes;
-use roomsight_protocol::inbox::{Doubt, InboxFilter, InboxQuery, LabelsJson, SeenFrame};
+use roomsight_protocol::inbox::{Doubt, InboxFilter, InboxQuery, LabeledFrames, LabelsJson, SeenFrame};
 use roomsight_protocol::training::PublishedVersion;
 use roomsight_vision::image::Limits;
 use tempfile::TempDir;
@@ -146,6 +146,19 @@ fn of_two_who_label_a_frame_the_first_one_does_and_the_other_is_told() {
     let open = inbox.list(&InboxQuery::default()).unwrap();
     assert_eq!((open.open, open.frames[0].id, open.frames[0].revision), (1, frame.id, 2));
     assert!(inbox.picture(frame.id).is_ok());
+}
+
+#[test]
+fn a_picture_that_the_set_has_in_another_room_moves_and_comes_back_when_that_is_undone() {
+    let Kept { inbox, sets, data } = opened();
+    let frames = [inbox.keep(doubted(1, 0.5)).unwrap(), inbox.keep(doubted(1, 0.5)).unwrap()];
+    let path = |labeled: &LabeledFrames| labeled.labeled[0].label.clone().unwrap().path;
+    let first = inbox.label(ANNA, &labels("hall", &[&frames[0]])).unwrap();
+    let second = inbox.label(BEN, &labels("kitchen", &[&frames[1]])).unwrap();
+    let is_there = |path: &str| data.path().join("sets/home").join(path).is_file();
+    assert!(path(&second).starts_with("kitchen/") && is_there(&path(&second)) && !is_there(&path(&first)));
+    sets.undo("home", second.change.unwrap()).unwrap();
+    assert!(is_there(&path(&first)) && !is_there(&path(&second)));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! New frames come into a set.
 
 use super::change::{Move, Planned};
-use super::names::{Place, check_unlike};
+use super::names::{FramePath, Place, check_unlike};
 use super::{SETS_FOLDER, Sets};
 use crate::teaching::pictures::file_name;
 use crate::teaching::{TeachingError, Who};
@@ -78,7 +78,7 @@ impl Sets {
         Ok(result)
     }
 
-    /// Takes files that lie in the data directory into a set, where they stay as well.
+    /// Takes files that lie in the data directory into a set, where they stay as well. One that the set has in another room moves.
     ///
     /// # Errors
     /// No such set, a place that cannot be, a file that is not there: nothing is taken then.
@@ -95,8 +95,18 @@ impl Sets {
         let (mut paths, mut moves) = (Vec::new(), Vec::new());
         for file in files {
             let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            if let Some(path) = there.get(&name) {
-                paths.push(path.clone());
+            let path = place.path_of(&name);
+            if let Some(other) = there.get(&name) {
+                let is_there = FramePath::parse(other)?.place.room == place.room;
+                if is_there {
+                    paths.push(other.clone());
+                    continue;
+                }
+                // What it shows was said anew.
+                let at = |path: &str| format!("{SETS_FOLDER}/{set}/{path}");
+                moves.push(Move { from: at(other), to: at(&path) });
+                there.insert(name, path.clone());
+                paths.push(path);
                 continue;
             }
             let linked = grave.join(&name);
@@ -104,7 +114,6 @@ impl Sets {
                 .or_else(|_| fs::copy(file, &linked).map(drop))
                 .map_err(TeachingError::io(file))
                 .inspect_err(|_| drop(fs::remove_dir_all(&grave)))?;
-            let path = place.path_of(&name);
             let from = self.journal.relative(&linked);
             moves.push(Move { from, to: format!("{SETS_FOLDER}/{set}/{path}") });
             there.insert(name, path.clone());

@@ -66,6 +66,13 @@ impl Trainings {
             )));
         }
         let set = self.sets.existing(&wanted.set)?;
+        // By itself a room's folder would be taken for a set, and its drives for rooms.
+        if self.sets.summary(&wanted.set)?.rooms < 2 {
+            return Err(TeachingError::Invalid(format!(
+                "the data set {:?} shows fewer than two rooms: add frames of at least one other room",
+                wanted.set
+            )));
+        }
         let mut running = self.running();
         if let Some(running) = &*running {
             return Err(TeachingError::Conflict(format!(

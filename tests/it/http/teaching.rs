@@ -238,10 +238,21 @@ async fn doubted_frames_come_into_the_inbox_by_the_rule_and_labels_lead_to_a_sha
 async fn a_training_that_cannot_work_says_why_and_one_can_be_cancelled() {
     let taught = Taught::start();
     taught.call(Method::PUT, "/v1/sets/home", None).await.error_for_status().unwrap();
-    success(taught.post_picture("/v1/sets/home/frames?room=hall", room(0, 1)).await).await;
+    for drive in ["monday", "tuesday"] {
+        let path = format!("/v1/sets/home/frames?room=hall&drive={drive}");
+        success(taught.post_picture(&path, room(0, drive.len() as u32)).await).await;
+    }
+    let wanted = json!({"set": "home", "model": "home", "effort": "fast"});
+    let one_room = taught.call(Method::POST, "/v1/trainings", Some(wanted)).await;
+    let told = problem(one_room, 400, "bad-request").await;
+    assert!(told["detail"].as_str().unwrap().contains("one other room"), "{told}");
+    // Somebody has copied files there that are no pictures.
+    let attic = taught.folder.path().join("data/sets/home/attic");
+    fs::create_dir(&attic).unwrap();
+    fs::write(attic.join("1.jpg"), "no picture").unwrap();
     let failed = taught.train().await;
     assert_eq!(failed["state"], "failed", "{failed}");
-    assert!(failed["error"].as_str().unwrap().contains("one other room"), "{failed}");
+    assert!(!failed["error"].as_str().unwrap().is_empty(), "{failed}");
     problem(taught.call(Method::POST, "/v1/trainings/1/publish", None).await, 409, "conflict").await;
     for body in [json!({"set": "nowhere", "model": "home"}), json!({"set": "home", "model": "../x"})] {
         let refused = taught.call(Method::POST, "/v1/trainings", Some(body)).await;
