@@ -12,8 +12,8 @@ export function lazy<P extends object>(load: Loader<P>): FunctionComponent<P> {
   return function Lazy(props: P) {
     const [, setRound] = useState(0);
     const [failed, setFailed] = useState(false);
-    useEffect(() => {
-      if (loaded) return;
+    const fetchIt = () => {
+      setFailed(false);
       load().then(
         (module) => {
           loaded = module.default;
@@ -21,6 +21,9 @@ export function lazy<P extends object>(load: Loader<P>): FunctionComponent<P> {
         },
         () => setFailed(true),
       );
+    };
+    useEffect(() => {
+      if (!loaded) fetchIt();
     }, []);
     if (loaded) {
       const Component = loaded;
@@ -30,9 +33,14 @@ export function lazy<P extends object>(load: Loader<P>): FunctionComponent<P> {
     return (
       <Note kind="bad">
         <p>{common.pageFailed}</p>
-        <Button compact onClick={() => location.reload()}>
-          {common.reload}
-        </Button>
+        <div class="row">
+          <Button compact onClick={fetchIt}>
+            {common.retry}
+          </Button>
+          <Button compact onClick={() => location.reload()}>
+            {common.reload}
+          </Button>
+        </div>
       </Note>
     );
   };

@@ -44,7 +44,7 @@ export const text = {
   unreachableDetail: "The service does not answer. Is it running, and is the network up?",
   refused: (status: number, reason: string) => `The service answered ${status} ${reason}`.trim(),
   pageFailed:
-    "This page could not be loaded. The service may have been updated since it was opened.",
+    "This page could not be loaded. The service may be away, or have been updated since the page was opened.",
   partFailed: "Something in this page failed.",
   pictureMissing: "No picture",
 

@@ -63,7 +63,7 @@ export function FocusPanel({ frame, set, onLabel, onEnlarge }: FocusPanelProps) 
             <strong>{text.labelOf(label.room, label.set, label.by, dateTime(label.at))}</strong>
           </p>
         )}
-        <Nearest frame={frame} set={set} />
+        <Nearest frame={frame} />
       </div>
     </aside>
   );

@@ -63,15 +63,12 @@ async function trainedOn(frame: InboxFrame, signal: AbortSignal): Promise<string
 
 interface NearestProps {
   frame: InboxFrame;
-  /** Where training frames are looked for if no training tells. */
-  set?: string;
 }
 
 /** Training frames that are like a frame: a wrong answer may come from one with a wrong label. */
-export function Nearest({ frame, set }: NearestProps) {
+export function Nearest({ frame }: NearestProps) {
   const nearest = useLoad((signal) => explained(frame, signal), [frame.id]);
   const origin = useLoad((signal) => trainedOn(frame, signal), [frame.id]);
-  const from = origin.data ?? (origin.loading ? undefined : set);
   const shown = distinct(nearest.data ?? []);
   return (
     <section class="stack training-frames">
@@ -83,8 +80,17 @@ export function Nearest({ frame, set }: NearestProps) {
       {nearest.error !== undefined && <ErrorNote error={nearest.error} onRetry={nearest.reload} />}
       {nearest.data && shown.length === 0 && <p class="muted">{text.nearestNone}</p>}
       <ul class="training-frames-list">
-        {from !== undefined &&
-          shown.map((one) => <NearestCard key={one.frame} nearest={one} set={from} />)}
+        {!origin.loading &&
+          shown.map((one) =>
+            origin.data === undefined ? (
+              // It was trained elsewhere: its frames are not here to be seen or mended.
+              <li key={one.frame} class="small">
+                {text.nearestOf(one.room, percent(one.nearness))} <code>{one.frame}</code>
+              </li>
+            ) : (
+              <NearestCard key={one.frame} nearest={one} set={origin.data} />
+            ),
+          )}
       </ul>
     </section>
   );
