@@ -51,7 +51,7 @@ const VIEWS: View[] = [
   { name: "teach-check", path: "teach/home/check", shows: ".tab-body" },
   { name: "teach-changes", path: "teach/home/changes", shows: ".table td" },
   { name: "teach-record", path: "teach/home/record", shows: ".record-form" },
-  { name: "inbox", path: "inbox", shows: ".training-frames-list .picture" },
+  { name: "inbox", path: "inbox", shows: ".training-frames-list li" },
   { name: "inbox-rule", path: "inbox/rule", shows: ".form" },
   { name: "inbox-policy", path: "inbox/policy", shows: ".form" },
   { name: "models", path: "models", shows: ".version-actions" },
@@ -65,6 +65,8 @@ const VIEWS: View[] = [
   { name: "service-about", path: "service/about", shows: ".links" },
 ];
 
+/** Whether pictures are taken too, which takes minutes. */
+const TAKES_PICTURES = process.env.PICTURES === "1";
 const WIDTHS = [390, 1280, 2560];
 const NARROWEST = 360;
 
@@ -89,20 +91,38 @@ async function expectAccessible(page: Page): Promise<void> {
   expect(told).toEqual([]);
 }
 
+const sizeOf = (width: number) => ({
+  width,
+  height: width < 1000 ? 844 : Math.round(width * 0.6),
+});
+
+/** For people to look at: test-results/looks. */
+async function takePictures(page: Page, view: View): Promise<void> {
+  for (const colorScheme of ["light", "dark"] as const) {
+    await page.emulateMedia({ colorScheme });
+    for (const width of WIDTHS) {
+      await page.setViewportSize(sizeOf(width));
+      await expect.poll(() => page.evaluate(arePicturesThere)).toBe(true);
+      const { outputDir } = test.info().project;
+      const path = join(outputDir, "looks", `${view.name}-${width}-${colorScheme}.png`);
+      await page.screenshot({ path, fullPage: width < 1000 });
+    }
+  }
+}
+
 for (const view of VIEWS) {
   test(`${view.name} is accessible and fits, in light and dark`, async ({ page }) => {
     await show(page, view);
-    for (const colorScheme of ["light", "dark"] as const) {
+    for (const [colorScheme, width] of [
+      ["light", 1280],
+      ["dark", 390],
+    ] as const) {
       await page.emulateMedia({ colorScheme });
-      for (const width of WIDTHS) {
-        await page.setViewportSize({ width, height: width < 1000 ? 844 : Math.round(width * 0.6) });
-        await expect.poll(() => page.evaluate(arePicturesThere)).toBe(true);
-        const { outputDir } = test.info().project;
-        const path = join(outputDir, "looks", `${view.name}-${width}-${colorScheme}.png`);
-        await page.screenshot({ path, fullPage: width < 1000 });
-      }
+      await page.setViewportSize(sizeOf(width));
+      await expect.poll(() => page.evaluate(arePicturesThere)).toBe(true);
       await expectAccessible(page);
     }
+    if (TAKES_PICTURES) await takePictures(page, view);
     await page.setViewportSize({ width: NARROWEST, height: 640 });
     const { scrollWidth, clientWidth } = await page.evaluate(() => {
       const { scrollWidth, clientWidth } = document.documentElement;
