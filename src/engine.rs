@@ -55,6 +55,7 @@ use metrics::Metrics;
 use pool::{Pool, Size};
 use registry::{Registry, RegistryError};
 use robots::Robots;
+use std::fs;
 use std::io;
 use std::ops::Deref;
 use std::sync::Arc;
@@ -94,7 +95,9 @@ pub enum EngineError {
     #[error(transparent)]
     Registry(#[from] RegistryError),
     #[error("the recognizing threads cannot be started: {0}")]
-    Threads(#[from] io::Error),
+    Threads(io::Error),
+    #[error("the folder of models cannot be made: {0}")]
+    Models(io::Error),
     #[error("the system gives no random numbers: {0}")]
     Random(#[from] getrandom::Error),
     #[error("the metrics cannot be set up: {0}")]
@@ -108,6 +111,10 @@ impl Engine {
     /// What is missing.
     pub fn start(settings: Settings) -> Result<Self, EngineError> {
         let location = settings.models.to_string_lossy();
+        // Where people teach the service, the first model comes later. A bucket has no folder.
+        if settings.keeps_data() && !Repository::is_bucket(&location) {
+            fs::create_dir_all(&settings.models).map_err(EngineError::Models)?;
+        }
         let repository = Repository::open(&location, &settings.models_cache).map_err(RegistryError::from)?;
         let (events, metrics) = (Events::default(), Arc::new(Metrics::new()?));
         let registry = Registry::open(repository, &settings, events.clone(), metrics.clone())?;
@@ -116,7 +123,7 @@ impl Engine {
         Ok(Self(Arc::new(EngineState {
             keyring: Keyring::new(&settings.keys)?,
             registry,
-            pool: Pool::new(Size::of(&settings))?,
+            pool: Pool::new(Size::of(&settings)).map_err(EngineError::Threads)?,
             streams: Streams::new(&settings, body_memory.clone()),
             robots: Robots::new(&settings, events.clone()),
             body_memory,

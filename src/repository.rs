@@ -159,11 +159,16 @@ pub fn disk_error(error: &io::Error) -> Option<&'static str> {
 }
 
 impl Repository {
+    /// Whether a location is one of a bucket.
+    pub fn is_bucket(location: &str) -> bool {
+        location.starts_with(bucket::SCHEME)
+    }
+
     /// The repository at `location`: a folder `NAME/VERSION/`, one model's own folder, or a bucket
     /// `s3://bucket/prefix`, whose versions are kept in the folder `cache`. What an interrupted upload left in
     /// a folder is removed.
     pub fn open(location: &str, cache: &Path) -> Result<Self, RepositoryError> {
-        if location.starts_with(bucket::SCHEME) {
+        if Self::is_bucket(location) {
             return Ok(Self::Bucket(Box::new(Bucket::open(location, cache)?)));
         }
         let unreadable = |source| RepositoryError::Unreadable { location: location.into(), source };

@@ -115,7 +115,7 @@ fn serve(args: &ServeArgs, settings: Settings) -> anyhow::Result<()> {
             tracing::info!("listening on {url}, documentation at {url}/docs; this program was built without the page");
         }
         if args.lan {
-            lan::invite(&app, owner.as_deref(), listener.local_addr()?.port())?;
+            lan::invite(&app, owner.as_deref(), listener.local_addr()?)?;
         }
         if !address.ip().is_loopback() && !app.speaks_tls() {
             tracing::warn!(

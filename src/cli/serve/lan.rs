@@ -13,7 +13,7 @@ use qrcode::render::unicode::Dense1x2;
 use rcgen::{CertificateParams, KeyPair, date_time_ymd};
 use std::fs::{self, OpenOptions};
 use std::io::Write;
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::Path;
 use std::time::{Duration, SystemTime};
 
@@ -47,7 +47,8 @@ pub(super) fn prepare(settings: &mut Settings, has_default_address: bool) -> any
 }
 
 /// Prints how to come in. `secret` is what opens the key that was made just now.
-pub(super) fn invite(app: &App, secret: Option<&str>, port: u16) -> anyhow::Result<()> {
+pub(super) fn invite(app: &App, secret: Option<&str>, listening: SocketAddr) -> anyhow::Result<()> {
+    let port = listening.port();
     let link = |host: &str| -> anyhow::Result<Option<String>> {
         let code = app.admin_code(CODE_LIFE)?;
         Ok(code.map(|code| format!("https://{host}:{port}/#/code/{code}")))
@@ -62,8 +63,11 @@ pub(super) fn invite(app: &App, secret: Option<&str>, port: u16) -> anyhow::Resu
     if let Some(link) = link("localhost")? {
         say!("On this machine open, within 15 minutes and once:\n\n  {link}\n")?;
     }
-    let Some(address) = addresses().into_iter().find(IpAddr::is_ipv4) else {
-        say!("This machine has no address in a network that a phone could reach.")?;
+    let is_reached = |address: &IpAddr| {
+        address.is_ipv4() && (listening.ip().is_unspecified() || listening.ip() == *address)
+    };
+    let Some(address) = addresses().into_iter().find(is_reached) else {
+        say!("The service has no address in a network that a phone could reach.")?;
         return Ok(());
     };
     if let Some(link) = link(&address.to_string())? {
