@@ -1,4 +1,4 @@
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useState } from "preact/hooks";
 import { getSet, type DataSet } from "../../api/sets";
 import { BackLink } from "../../components/back-link";
 import { cameraMissing, useCamera, type Camera } from "../../camera";
@@ -123,20 +123,17 @@ function Recording({ set, room, onFinish }: RecordingProps) {
   const camera = useCamera();
   const recorder = useRecorder(set, room, camera);
   const [isEnding, setEnding] = useState(false);
-  const { taken, drive, refused, sending, isTaking, setTaking } = recorder;
-  const counts = useRef({ taken, refused: refused.count });
-  counts.current = { taken, refused: refused.count };
+  const { taken, drive, sending, isTaking, setTaking } = recorder;
 
   useEffect(() => {
     void camera.start().then(() => setTaking(true));
   }, []);
 
   const finish = async () => {
-    setTaking(false);
     setEnding(true);
+    const frames = recorder.finish();
     camera.stop();
-    await recorder.sent();
-    onFinish({ room, drive, frames: counts.current.taken - counts.current.refused });
+    onFinish({ room, drive, frames: await frames });
   };
 
   return (

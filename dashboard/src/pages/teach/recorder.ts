@@ -32,8 +32,8 @@ export interface Recorder {
   setTaking: (isTaking: boolean) => void;
   /** Goes on with what could not be sent. */
   resume: () => void;
-  /** Resolves once all that was taken is kept. */
-  sent: () => Promise<void>;
+  /** Takes no more; resolves to the number of frames that are kept, once all are. */
+  finish: () => Promise<number>;
 }
 
 /** Looks at the camera, and sends each frame that shows another view to a drive through the room. */
@@ -48,17 +48,26 @@ export function useRecorder(set: string, room: string, camera: Camera): Recorder
   const small = useRef<HTMLCanvasElement | undefined>(undefined);
   const latest = useRef(camera);
   latest.current = camera;
+  // What ends needs them as they are, not as they were drawn last.
+  const looking = useRef<Promise<void> | undefined>(undefined);
+  const isFinished = useRef(false);
+  const dropped = useRef(0);
+
+  const refuse = (reason: string) => {
+    dropped.current += 1;
+    setRefused({ count: dropped.current, reason });
+  };
 
   const sender = useRef<Sender<Taken> | undefined>(undefined);
   sender.current ??= new Sender<Taken>({
     capacity: CAPACITY,
     judge,
     changed: setSending,
-    dropped: (_, reason) => setRefused(({ count }) => ({ count: count + 1, reason })),
+    dropped: (_, reason) => refuse(reason),
     send: async (frame) => {
       const answer = await addFrames(set, room, drive, [frame]);
       const reason = answer.refused[0]?.reason;
-      if (reason !== undefined) setRefused(({ count }) => ({ count: count + 1, reason }));
+      if (reason !== undefined) refuse(reason);
     },
   });
   const queue = sender.current;
@@ -66,6 +75,7 @@ export function useRecorder(set: string, room: string, camera: Camera): Recorder
   /** Looks once; takes what shows another view. */
   const look = async () => {
     const video = latest.current.video.current;
+    if (isFinished.current) return;
     if (!video || video.readyState < HTMLMediaElement.HAVE_CURRENT_DATA) return;
     if (!queue.hasRoom) {
       setSaid("waiting");
@@ -88,7 +98,8 @@ export function useRecorder(set: string, room: string, camera: Camera): Recorder
     let timer: ReturnType<typeof setTimeout> | undefined;
     let isOver = false;
     const turn = async () => {
-      await look();
+      looking.current = look();
+      await looking.current;
       if (!isOver) timer = setTimeout(() => void turn(), LOOK_MS);
     };
     void turn();
@@ -105,6 +116,15 @@ export function useRecorder(set: string, room: string, camera: Camera): Recorder
     return () => removeEventListener("beforeunload", warn);
   }, [sending.waiting === 0]);
 
+  const finish = async () => {
+    isFinished.current = true;
+    setTaking(false);
+    // The frame that is looked at may be taken yet.
+    await looking.current;
+    await queue.empty();
+    return recording.current.taken.length - dropped.current;
+  };
+
   useAwake(isTaking);
   return {
     taken,
@@ -115,7 +135,7 @@ export function useRecorder(set: string, room: string, camera: Camera): Recorder
     isTaking,
     setTaking,
     resume: () => queue.resume(),
-    sent: () => queue.empty(),
+    finish,
   };
 }
 
