@@ -54,7 +54,7 @@ test("what was trained goes into service step by step, and back", async ({ page,
   test.slow();
   await makeSet(service);
   await train(page, "home");
-  await expect(page.getByText(text.trainingStates.running)).toBeVisible();
+  await expect(page.getByText(text.trainingStates.running, { exact: true })).toBeVisible();
   await expect(page.getByRole("progressbar", { name: text.training(1) })).toBeVisible();
   // It gives way to all other processes.
   await expect(page.getByRole("heading", { name: text.comparison })).toBeVisible({
