@@ -63,6 +63,8 @@ test("twenty frames are labeled at once, and that is undone", async ({ page, ser
   await page.getByRole("listbox").focus();
   await page.keyboard.press("ControlOrMeta+a");
   await expect(bar(page).getByText(text.selected(20))).toBeVisible();
+  // The key is that of a room, once these are loaded.
+  await expect(bar(page).getByRole("button", { name: ROOM })).toBeVisible();
   await page.keyboard.press("1");
   await expect(page.getByText(text.labeled(20, ROOM, "home"))).toBeVisible();
   await expect(page.getByRole("heading", { name: text.none })).toBeVisible();
