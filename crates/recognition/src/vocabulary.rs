@@ -14,7 +14,8 @@ use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
 use roomsight_vision::camera::Spot;
 use roomsight_vision::matrix::Matrix;
-use roomsight_vision::simd::{self, UnitColumns, UnitRows};
+use roomsight_vision::simd::{UnitColumns, UnitRows, nearest_columns};
+use roomsight_vision::sketch::{SketchScratch, Sketched};
 use serde::{Deserialize, Serialize};
 
 /// The most words of a vocabulary, and the most numbers of a frame's row.
@@ -137,10 +138,26 @@ pub enum VocabularyError {
 #[derive(Clone, Debug)]
 pub struct Vocabulary {
     centers: Matrix,
-    columns: UnitColumns,
+    words: Words,
     normalization: Normalization,
     encoding: Encoding,
     parts: Parts,
+}
+
+/// The centers, as the nearest is found.
+#[derive(Clone, Debug)]
+enum Words {
+    Few(UnitColumns),
+    Many(Box<Sketched>),
+}
+
+impl Words {
+    fn new(centers: &Matrix) -> Self {
+        match Sketched::new(centers) {
+            Some(sketched) => Self::Many(Box::new(sketched)),
+            None => Self::Few(UnitColumns::new(centers)),
+        }
+    }
 }
 
 /// What is seen of one frame's keypoints.
@@ -167,9 +184,9 @@ impl Vocabulary {
     /// A vocabulary of these centers, one a row. As means of descriptors, none is longer than 1. Frames are of a camera
     /// that does or does not see all around.
     pub fn new(centers: Matrix, config: &Config, sees_all_around: bool) -> Self {
-        let columns = UnitColumns::new(&centers);
+        let words = Words::new(&centers);
         let Config { normalization, encoding, pooling, .. } = *config;
-        Self { centers, columns, normalization, encoding, parts: pooling.parts(sees_all_around) }
+        Self { centers, words, normalization, encoding, parts: pooling.parts(sees_all_around) }
     }
 
     /// The centers, one a row.
@@ -206,7 +223,10 @@ impl Vocabulary {
     /// fixed point, ties to the first.
     pub fn quantize(&self, descriptors: &Matrix) -> Vec<u32> {
         let mut words = vec![0; descriptors.n_rows()];
-        simd::nearest_columns(&UnitRows::new(descriptors), &self.columns, &mut words);
+        match &self.words {
+            Words::Few(columns) => nearest_columns(&UnitRows::new(descriptors), columns, &mut words),
+            Words::Many(sketched) => sketched.nearest(descriptors, &mut SketchScratch::default(), &mut words),
+        }
         words
     }
 

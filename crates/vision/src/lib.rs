@@ -17,6 +17,7 @@
 //! |---|---|
 //! | [`matrix`] | rows of numbers |
 //! | [`simd`] | fast loops over numbers and pixels, the same numbers on every CPU |
+//! | [`sketch`] | the nearest of many vectors |
 //! | [`image`] | encoded frames to pixels |
 //! | [`camera`], [`plane`] | where pixels are valid; gray values at many scales |
 //! | [`detect`] | keypoints |
@@ -27,6 +28,8 @@
 pub mod matrix;
 
 pub mod simd;
+
+pub mod sketch;
 
 pub mod image;
 

@@ -21,18 +21,22 @@ mod nearest;
 mod pattern;
 mod plane;
 mod project;
+mod sketches;
 
 pub use bytes::{ByteColumns, ByteRows, MAX_BYTES, Nearest};
 pub use dct::{BLOCKS, BlockGroup, inverse_dct};
 pub use dot::dot;
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
-pub use nearest::{ONE_PRODUCT, UnitColumns, UnitRows, largest_products, nearest_columns};
+pub use nearest::{
+    MeasuredRows, Nearness, ONE_PRODUCT, UnitColumns, UnitRows, largest_products, nearest_columns,
+};
 pub use pattern::{
     CODE_BLOCK, COUNT_BLOCK, GRID_BLOCK, Grid, Taps, count_codes, interpolate_grid, mark_brighter,
 };
 pub use plane::{blur_columns, blur_row, gradients, mark_extrema};
 pub use project::LinearMap;
+pub use sketches::{MAX_IN_COLUMN, SKETCH, SketchColumns, SketchRow, scores_at_least, sketch_scores};
 
 /// Defines `$name` as `$kernel`, compiled for the widest vectors that the CPU has.
 macro_rules! dispatch {

@@ -1,5 +1,9 @@
 //! The nearest of many vectors, and the largest products with many, in fixed point.
 
+mod among;
+
+pub use among::{MeasuredRows, Nearness};
+
 use crate::matrix::Matrix;
 
 /// One in the fixed-point numbers: the products of vectors of unit length then fit 32 bits.
@@ -204,7 +208,7 @@ impl Instructions for Plain {
 /// Those of wider vectors. There is a value only where the CPU has them; they are fast in functions compiled
 /// for them, into which they are inlined.
 #[cfg(target_arch = "x86_64")]
-mod x86 {
+pub(super) mod x86 {
     use super::{COLUMN_BLOCK, Instructions};
     use std::arch::is_x86_feature_detected as has;
     use std::arch::x86_64::{
