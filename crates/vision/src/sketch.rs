@@ -136,8 +136,7 @@ impl Sketched {
     fn coordinates(&self, vector: &[f32], onto: &[f32]) -> Coordinates {
         let mut values = [0.0; SKETCH];
         values[..N_DIRECTIONS].copy_from_slice(onto);
-        let squared = |values: &[f32]| values.iter().map(|value| value * value).sum::<f32>();
-        let beside = (squared(vector) - squared(onto)).max(0.0).sqrt();
+        let beside = (squared_length(vector) - squared_length(onto)).max(0.0).sqrt();
         values[N_DIRECTIONS] = beside;
         // The root of a small difference is less certain.
         let error = self.rounding + FLOAT_ERROR / beside.max(FLOAT_ERROR.sqrt());
@@ -218,7 +217,17 @@ impl Sketched {
 }
 
 fn length(values: &[f32; SKETCH]) -> f32 {
-    values.iter().map(|value| value * value).sum::<f32>().sqrt()
+    squared_length(values).sqrt()
+}
+
+fn squared_length(values: &[f32]) -> f32 {
+    // Eight running sums: one would wait for itself at every step.
+    let mut sums = [0.0; 8];
+    let (blocks, rest) = values.as_chunks::<8>();
+    for block in blocks {
+        sums.iter_mut().zip(block).for_each(|(sum, value)| *sum += value * value);
+    }
+    sums.iter().sum::<f32>() + rest.iter().map(|value| value * value).sum::<f32>()
 }
 
 fn distance(a: &[f32; SKETCH], b: &[f32; SKETCH]) -> f32 {
