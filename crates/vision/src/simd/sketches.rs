@@ -26,7 +26,7 @@ type Pairs = [[i8; 2]; COLUMN_BLOCK];
 /// A number for each column of a block.
 type Scores = [i16; COLUMN_BLOCK];
 
-/// A vector of numbers from -128 to 127, of which 128 was taken away.
+/// A vector of numbers from -128 to 127, each kept with 128 added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SketchRow(pub [u8; SKETCH]);
 
