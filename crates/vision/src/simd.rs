@@ -13,6 +13,8 @@
 )]
 
 mod bytes;
+#[cfg(target_arch = "x86_64")]
+mod cpu;
 mod dct;
 mod dot;
 mod fast;
@@ -29,7 +31,7 @@ pub use dot::dot;
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
 pub use nearest::{
-    MeasuredRows, Nearness, ONE_PRODUCT, UnitColumns, UnitRows, largest_products, nearest_columns,
+    MeasuredRows, Nearness, ONE_PRODUCT, ROUNDING, UnitColumns, UnitRows, largest_products, nearest_columns,
 };
 pub use pattern::{
     CODE_BLOCK, COUNT_BLOCK, GRID_BLOCK, Grid, Taps, count_codes, interpolate_grid, mark_brighter,
@@ -70,4 +72,36 @@ macro_rules! dispatch {
     };
 }
 
+/// Calls `$kernel` with the widest instructions that the CPU has, in a function compiled for them: for what no plain Rust
+/// is compiled to. The module has `Plain` for all other CPUs.
+macro_rules! with_instructions {
+    ($kernel:ident, $wide:ident: $features:literal, ($($arg:ident: $type:ty),* $(,)?) $(-> $output:ty)?) => {{
+        #[cfg(target_arch = "x86_64")]
+        {
+            use crate::simd::cpu::{Avx2, $wide};
+
+            #[target_feature(enable = "avx2")]
+            fn with_avx2(avx2: Avx2, $($arg: $type),*) $(-> $output)? {
+                $kernel(avx2, $($arg),*)
+            }
+
+            #[target_feature(enable = $features)]
+            fn with_wide(wide: $wide, $($arg: $type),*) $(-> $output)? {
+                $kernel(wide, $($arg),*)
+            }
+
+            if let Some(wide) = $wide::detected() {
+                // SAFETY: the CPU has all that the function asks for.
+                return unsafe { with_wide(wide, $($arg),*) };
+            }
+            if let Some(avx2) = Avx2::detected() {
+                // SAFETY: the CPU has all that the function asks for.
+                return unsafe { with_avx2(avx2, $($arg),*) };
+            }
+        }
+        $kernel(Plain, $($arg),*)
+    }};
+}
+
 use dispatch;
+use with_instructions;

@@ -1,5 +1,6 @@
 //! The nearest of very many vectors of bytes.
 
+use super::with_instructions;
 use std::ops::Range;
 
 /// Columns that are worked on at once.
@@ -183,30 +184,11 @@ impl Nearest {
     /// When there are no such rows or blocks, or rows and columns are not as wide.
     pub fn look(&mut self, rows: &ByteRows, row_idxs: &[u32], columns: &ByteColumns, blocks: Range<usize>) {
         assert_eq!(rows.n_quads, columns.n_quads, "rows and columns of another width");
-        // No plain Rust is compiled to the instructions that multiply bytes; hence not `dispatch`.
-        #[cfg(target_arch = "x86_64")]
-        {
-            #[target_feature(enable = "avx2")]
-            fn with_avx2(avx2: x86::Avx2, nearest: &mut Nearest, look: &Look) {
-                look_kernel(avx2, nearest, look);
-            }
-
-            #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vnni")]
-            fn with_vnni(vnni: x86::Avx512Vnni, nearest: &mut Nearest, look: &Look) {
-                look_kernel(vnni, nearest, look);
-            }
-
-            let look = Look { rows, row_idxs, columns, blocks: blocks.clone() };
-            if let Some(vnni) = x86::Avx512Vnni::detected() {
-                // SAFETY: the CPU has all that the function asks for.
-                return unsafe { with_vnni(vnni, self, &look) };
-            }
-            if let Some(avx2) = x86::Avx2::detected() {
-                // SAFETY: the CPU has all that the function asks for.
-                return unsafe { with_avx2(avx2, self, &look) };
-            }
-        }
-        look_kernel(Plain, self, &Look { rows, row_idxs, columns, blocks });
+        let (nearest, look) = (self, &Look { rows, row_idxs, columns, blocks });
+        with_instructions!(
+            look_kernel, Avx512Vnni: "avx512f,avx512bw,avx512vl,avx512vnni",
+            (nearest: &mut Nearest, look: &Look)
+        );
     }
 
     /// Keeps the columns of a block whose distance may be small enough.

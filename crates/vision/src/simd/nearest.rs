@@ -4,10 +4,14 @@ mod among;
 
 pub use among::{MeasuredRows, Nearness};
 
+use super::with_instructions;
 use crate::matrix::Matrix;
 
 /// One in the fixed-point numbers: the products of vectors of unit length then fit 32 bits.
 const ONE: f32 = 16_384.0;
+
+/// How far rounding to fixed point moves a number, at most.
+pub const ROUNDING: f32 = 0.5 / ONE;
 
 /// The fixed-point product that stands for one.
 pub const ONE_PRODUCT: i32 = 1 << 28;
@@ -74,6 +78,7 @@ impl UnitColumns {
     /// Lays out the rows of `matrix`, none of which is longer than 1, as columns.
     pub fn new(matrix: &Matrix) -> Self {
         let rows = UnitRows::new(matrix);
+        let of_rows = rows.squared_lengths();
         let n_pairs = rows.n_pairs_a_row;
         let n_blocks = matrix.n_rows().div_ceil(COLUMN_BLOCK);
         let mut blocks = vec![[[0; 2]; COLUMN_BLOCK]; n_blocks * n_pairs];
@@ -82,8 +87,7 @@ impl UnitColumns {
             let (block_idx, lane) = (column_idx / COLUMN_BLOCK, column_idx % COLUMN_BLOCK);
             let block = &mut blocks[block_idx * n_pairs..][..n_pairs];
             block.iter_mut().zip(row).for_each(|(lanes, &pair)| lanes[lane] = pair);
-            squared_lengths[block_idx][lane] =
-                row.iter().fold(0, |sum, &pair| sum.wrapping_add(product(pair, pair)));
+            squared_lengths[block_idx][lane] = of_rows[column_idx];
         }
         Self { blocks, squared_lengths, n_pairs }
     }
@@ -102,29 +106,10 @@ fn product(a: [i16; 2], b: [i16; 2]) -> i32 {
 ///
 /// When there are fewer rows.
 pub fn nearest_columns(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
-    // No plain Rust is compiled to the instruction that multiplies pairs and adds them; hence not `dispatch`.
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn with_avx2(avx2: x86::Avx2, rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
-            nearest_columns_kernel(avx2, rows, columns, nearest);
-        }
-
-        #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-        fn with_avx512(avx512: x86::Avx512, rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32]) {
-            nearest_columns_kernel(avx512, rows, columns, nearest);
-        }
-
-        if let Some(avx512) = x86::Avx512::detected() {
-            // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx512(avx512, rows, columns, nearest) };
-        }
-        if let Some(avx2) = x86::Avx2::detected() {
-            // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx2(avx2, rows, columns, nearest) };
-        }
-    }
-    nearest_columns_kernel(Plain, rows, columns, nearest);
+    with_instructions!(
+        nearest_columns_kernel, Avx512: "avx512f,avx512bw,avx512vl",
+        (rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u32])
+    );
 }
 
 /// The largest product of each row with any column into `of_rows`, and of each column with any row into
@@ -134,41 +119,10 @@ pub fn nearest_columns(rows: &UnitRows, columns: &UnitColumns, nearest: &mut [u3
 ///
 /// When there are fewer rows.
 pub fn largest_products(rows: &UnitRows, columns: &UnitColumns, of_rows: &mut [i32], of_columns: &mut [i32]) {
-    // As above.
-    #[cfg(target_arch = "x86_64")]
-    {
-        #[target_feature(enable = "avx2")]
-        fn with_avx2(
-            avx2: x86::Avx2,
-            rows: &UnitRows,
-            columns: &UnitColumns,
-            of_rows: &mut [i32],
-            of_columns: &mut [i32],
-        ) {
-            largest_products_kernel(avx2, rows, columns, of_rows, of_columns);
-        }
-
-        #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-        fn with_avx512(
-            avx512: x86::Avx512,
-            rows: &UnitRows,
-            columns: &UnitColumns,
-            of_rows: &mut [i32],
-            of_columns: &mut [i32],
-        ) {
-            largest_products_kernel(avx512, rows, columns, of_rows, of_columns);
-        }
-
-        if let Some(avx512) = x86::Avx512::detected() {
-            // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx512(avx512, rows, columns, of_rows, of_columns) };
-        }
-        if let Some(avx2) = x86::Avx2::detected() {
-            // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx2(avx2, rows, columns, of_rows, of_columns) };
-        }
-    }
-    largest_products_kernel(Plain, rows, columns, of_rows, of_columns);
+    with_instructions!(
+        largest_products_kernel, Avx512: "avx512f,avx512bw,avx512vl",
+        (rows: &UnitRows, columns: &UnitColumns, of_rows: &mut [i32], of_columns: &mut [i32])
+    );
 }
 
 /// Instructions that multiply pairs and add the products. Who has a value may execute them.
@@ -205,12 +159,11 @@ impl Instructions for Plain {
     }
 }
 
-/// Those of wider vectors. There is a value only where the CPU has them; they are fast in functions compiled
-/// for them, into which they are inlined.
+/// Those of wider vectors. They are fast in functions compiled for them, into which they are inlined.
 #[cfg(target_arch = "x86_64")]
-pub(super) mod x86 {
+mod x86 {
     use super::{COLUMN_BLOCK, Instructions};
-    use std::arch::is_x86_feature_detected as has;
+    use crate::simd::cpu::{Avx2, Avx512};
     use std::arch::x86_64::{
         __m256i, __m512i, _mm256_add_epi32, _mm256_madd_epi16, _mm256_set1_epi32, _mm512_add_epi32,
         _mm512_madd_epi16, _mm512_set1_epi32,
@@ -218,17 +171,6 @@ pub(super) mod x86 {
     use std::mem::transmute;
 
     type Lanes = [[i16; 2]; COLUMN_BLOCK];
-
-    /// AVX2.
-    #[derive(Clone, Copy)]
-    pub struct Avx2(());
-
-    impl Avx2 {
-        /// `None` where the CPU lacks it.
-        pub fn detected() -> Option<Self> {
-            has!("avx2").then_some(Self(()))
-        }
-    }
 
     impl Instructions for Avx2 {
         type Sums = [__m256i; 2];
@@ -253,17 +195,6 @@ pub(super) mod x86 {
         fn into_lanes(sums: Self::Sums) -> [i32; COLUMN_BLOCK] {
             // SAFETY: whole numbers of the same size.
             unsafe { transmute(sums) }
-        }
-    }
-
-    /// AVX-512 with bytes, words and shorter vectors.
-    #[derive(Clone, Copy)]
-    pub struct Avx512(());
-
-    impl Avx512 {
-        /// `None` where the CPU lacks it.
-        pub fn detected() -> Option<Self> {
-            (has!("avx512f") && has!("avx512bw") && has!("avx512vl")).then_some(Self(()))
         }
     }
 

@@ -3,6 +3,8 @@
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+use super::with_instructions;
+
 /// The bytes of a sketch.
 pub const SKETCH: usize = 24;
 
@@ -82,31 +84,10 @@ impl SketchColumns {
 /// When there is no room for [`SketchColumns::n_scores`].
 pub fn sketch_scores(row: &SketchRow, columns: &SketchColumns, scores: &mut [i16]) -> i16 {
     assert_eq!(scores.len(), columns.n_scores(), "room for another number of scores");
-    // No plain Rust is compiled to the instructions that multiply bytes; hence not `dispatch`.
-    #[cfg(target_arch = "x86_64")]
-    {
-        use super::nearest::x86::{Avx2, Avx512};
-
-        #[target_feature(enable = "avx2")]
-        fn with_avx2(avx2: Avx2, row: &SketchRow, columns: &SketchColumns, scores: &mut [i16]) -> i16 {
-            scores_kernel(avx2, row, columns, scores)
-        }
-
-        #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-        fn with_avx512(avx512: Avx512, row: &SketchRow, columns: &SketchColumns, scores: &mut [i16]) -> i16 {
-            scores_kernel(avx512, row, columns, scores)
-        }
-
-        if let Some(avx512) = Avx512::detected() {
-            // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx512(avx512, row, columns, scores) };
-        }
-        if let Some(avx2) = Avx2::detected() {
-            // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx2(avx2, row, columns, scores) };
-        }
-    }
-    scores_kernel(Plain, row, columns, scores)
+    with_instructions!(
+        scores_kernel, Avx512: "avx512f,avx512bw,avx512vl",
+        (row: &SketchRow, columns: &SketchColumns, scores: &mut [i16]) -> i16
+    )
 }
 
 /// Appends the indices of the scores that are at least `least`, in order.
@@ -114,31 +95,9 @@ pub fn sketch_scores(row: &SketchRow, columns: &SketchColumns, scores: &mut [i16
 /// # Panics
 /// When these are not scores of [`sketch_scores`].
 pub fn scores_at_least(scores: &[i16], least: i16, found: &mut Vec<u32>) {
-    // As above.
-    #[cfg(target_arch = "x86_64")]
-    {
-        use super::nearest::x86::{Avx2, Avx512};
-
-        #[target_feature(enable = "avx2")]
-        fn with_avx2(avx2: Avx2, scores: &[i16], least: i16, found: &mut Vec<u32>) {
-            at_least_kernel(avx2, scores, least, found);
-        }
-
-        #[target_feature(enable = "avx512f,avx512bw,avx512vl")]
-        fn with_avx512(avx512: Avx512, scores: &[i16], least: i16, found: &mut Vec<u32>) {
-            at_least_kernel(avx512, scores, least, found);
-        }
-
-        if let Some(avx512) = Avx512::detected() {
-            // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx512(avx512, scores, least, found) };
-        }
-        if let Some(avx2) = Avx2::detected() {
-            // SAFETY: the CPU has all that the function asks for.
-            return unsafe { with_avx2(avx2, scores, least, found) };
-        }
-    }
-    at_least_kernel(Plain, scores, least, found);
+    with_instructions!(
+        at_least_kernel, Avx512: "avx512f,avx512bw,avx512vl", (scores: &[i16], least: i16, found: &mut Vec<u32>)
+    );
 }
 
 /// Instructions that multiply bytes and add the products in 16 bits. Who has a value may execute them.
@@ -268,6 +227,11 @@ mod tests {
             let largest = sketch_scores(&row, &sketched, &mut scores);
             prop_assert_eq!(largest, scores_kernel(Plain, &row, &sketched, &mut plain));
             prop_assert_eq!(&scores, &plain);
+            #[cfg(target_arch = "x86_64")]
+            if let Some(avx2) = crate::simd::cpu::Avx2::detected() {
+                prop_assert_eq!(scores_kernel(avx2, &row, &sketched, &mut plain), largest);
+                prop_assert_eq!(&scores, &plain);
+            }
             for (score, (column, &less)) in scores.iter().zip(columns.iter().zip(&less)) {
                 let product: i32 = row.numbers().iter().zip(column).map(|(&a, &b)| i32::from(a) * i32::from(b)).sum();
                 prop_assert_eq!(*score, (product - i32::from(less)) as i16);

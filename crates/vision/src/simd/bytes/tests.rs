@@ -57,7 +57,7 @@ proptest! {
             prop_assert_eq!(looked.of(row_idx).collect::<Vec<_>>(), expected.clone());
             prop_assert_eq!(at_once.of(row_idx).collect::<Vec<_>>(), expected.clone());
             #[cfg(target_arch = "x86_64")]
-            if let Some(avx2) = x86::Avx2::detected() {
+            if let Some(avx2) = crate::simd::cpu::Avx2::detected() {
                 let found = nearest_by(avx2, (&rows, &columns), n_kept);
                 prop_assert_eq!(found.of(row_idx).collect::<Vec<_>>(), expected);
             }

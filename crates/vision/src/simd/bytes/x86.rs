@@ -1,8 +1,7 @@
-//! Wider vectors. There is a value only where the CPU has their instructions; they are fast in functions compiled
-//! for them, into which they are inlined.
+//! Wider vectors. They are fast in functions compiled for them, into which they are inlined.
 
 use super::{COLUMN_BLOCK, Instructions};
-use std::arch::is_x86_feature_detected as has;
+use crate::simd::cpu::{Avx2, Avx512Vnni};
 use std::arch::x86_64::{
     __m256i, __m512i, _mm256_abs_epi8, _mm256_add_epi32, _mm256_castsi256_ps, _mm256_cmpgt_epi32,
     _mm256_madd_epi16, _mm256_maddubs_epi16, _mm256_min_epi32, _mm256_movemask_ps, _mm256_set1_epi16,
@@ -14,17 +13,6 @@ use std::mem::transmute;
 
 type Quads = [[i8; 4]; COLUMN_BLOCK];
 type Numbers = [i32; COLUMN_BLOCK];
-
-/// AVX2.
-#[derive(Clone, Copy)]
-pub struct Avx2(());
-
-impl Avx2 {
-    /// `None` where the CPU lacks it.
-    pub fn detected() -> Option<Self> {
-        has!("avx2").then_some(Self(()))
-    }
-}
 
 impl Instructions for Avx2 {
     type Lanes = [__m256i; 2];
@@ -85,18 +73,6 @@ impl Instructions for Avx2 {
     fn into_array(lanes: Self::Lanes) -> Numbers {
         // SAFETY: whole numbers of the same size.
         unsafe { transmute(lanes) }
-    }
-}
-
-/// AVX-512 with the instruction that multiplies four bytes and adds the products.
-#[derive(Clone, Copy)]
-pub struct Avx512Vnni(());
-
-impl Avx512Vnni {
-    /// `None` where the CPU lacks it.
-    pub fn detected() -> Option<Self> {
-        let has_all = has!("avx512f") && has!("avx512bw") && has!("avx512vl") && has!("avx512vnni");
-        has_all.then_some(Self(()))
     }
 }
 

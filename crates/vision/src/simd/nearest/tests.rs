@@ -31,6 +31,23 @@ proptest! {
     }
 
     #[test]
+    fn the_nearest_of_a_few_is_that_of_columns(
+        n_columns in 1usize..50, width in 1usize..20, values in prop::collection::vec(-4i8..=4, 1400),
+    ) {
+        let (rows, centers) = (rows(&values, 3, width), rows(&values[200..], n_columns, width));
+        let fixed_rows = UnitRows::new(&rows);
+        let measured = MeasuredRows::new(UnitRows::new(&centers));
+        let mut expected = [0; 3];
+        nearest_columns(&fixed_rows, &UnitColumns::new(&centers), &mut expected);
+        // In no order.
+        let all: Vec<u32> = (0..n_columns as u32).rev().collect();
+        for (row_idx, expected) in expected.into_iter().enumerate() {
+            prop_assert_eq!(measured.nearest_among(&fixed_rows, row_idx, &all).idx, expected);
+        }
+        prop_assert_eq!(measured.nearest_among(&fixed_rows, 0, &[]).idx, u32::MAX);
+    }
+
+    #[test]
     fn the_largest_products_are_the_naive_ones(
         n_rows in 0usize..10, n_columns in 0usize..50, width in 1usize..20,
         values in prop::collection::vec(-4i8..=4, 1400),

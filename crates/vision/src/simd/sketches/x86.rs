@@ -1,7 +1,7 @@
 //! Wider vectors, for CPUs that are known to have their instructions.
 
 use super::{COLUMN_BLOCK, Instructions, N_PAIRS, Pairs, Scores, SketchRow};
-use crate::simd::nearest::x86::{Avx2, Avx512};
+use crate::simd::cpu::{Avx2, Avx512};
 use std::arch::x86_64::{
     __m256i, __m512i, _mm256_add_epi16, _mm256_cmpgt_epi16, _mm256_maddubs_epi16, _mm256_max_epi16,
     _mm256_movemask_epi8, _mm256_packs_epi16, _mm256_permute4x64_epi64, _mm256_set1_epi16, _mm512_add_epi16,
