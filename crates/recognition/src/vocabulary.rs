@@ -15,7 +15,7 @@ use rand_chacha::ChaCha8Rng;
 use roomsight_vision::camera::Spot;
 use roomsight_vision::matrix::Matrix;
 use roomsight_vision::simd::{UnitColumns, UnitRows, nearest_columns};
-use roomsight_vision::sketch::{SketchScratch, Sketched};
+use roomsight_vision::sketch::Sketched;
 use serde::{Deserialize, Serialize};
 
 /// The most words of a vocabulary, and the most numbers of a frame's row.
@@ -225,7 +225,7 @@ impl Vocabulary {
         let mut words = vec![0; descriptors.n_rows()];
         match &self.words {
             Words::Few(columns) => nearest_columns(&UnitRows::new(descriptors), columns, &mut words),
-            Words::Many(sketched) => sketched.nearest(descriptors, &mut SketchScratch::default(), &mut words),
+            Words::Many(sketched) => sketched.nearest(descriptors, &mut words),
         }
         words
     }

@@ -1,5 +1,9 @@
 //! A dense row-major matrix of `f32`: one descriptor, bag or center a row.
 
+mod covariance;
+
+pub use covariance::Covariance;
+
 /// A dense row-major matrix. Every row has the same number of columns.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Matrix {

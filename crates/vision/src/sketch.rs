@@ -7,8 +7,8 @@
 
 use crate::matrix::Matrix;
 use crate::simd::{
-    LinearMap, MAX_IN_COLUMN, MeasuredRows, Nearness, ONE_PRODUCT, SKETCH, SketchColumns, SketchRow,
-    UnitRows, scores_at_least, sketch_scores,
+    LinearMap, MAX_IN_COLUMN, MeasuredRows, Nearness, ONE_PRODUCT, ROUNDING, SKETCH, SketchColumns,
+    SketchRow, UnitRows, dot, scores_at_least, sketch_scores,
 };
 
 mod directions;
@@ -21,9 +21,6 @@ const FEWEST: usize = 128;
 
 /// The squared length of what a vector of unit length may be off in 32-bit floats, several times what it is.
 const FLOAT_ERROR: f32 = 1e-5;
-
-/// How far rounding to fixed point moves a number at most.
-const HALF_UNIT: f32 = 0.5 / 16_384.0;
 
 /// Many vectors of at most unit length.
 #[derive(Clone, Debug)]
@@ -47,11 +44,19 @@ pub struct Sketched {
     rounding: f32,
 }
 
-/// What finding takes beside the vectors; kept by whoever finds for many frames.
-#[derive(Clone, Debug, Default)]
-pub struct SketchScratch {
-    coordinates: Vec<f32>,
+/// A vector that is asked for.
+struct Asked<'a> {
+    coordinates: Coordinates,
+    /// In fixed point, as those of [`MeasuredRows`].
+    squared_length: i32,
+    rows: &'a UnitRows,
+    row_idx: usize,
+}
+
+/// What is filled anew for each vector.
+struct Scratch {
     scores: Vec<i16>,
+    /// Those that may be the nearest.
     candidates: Vec<u32>,
 }
 
@@ -81,7 +86,7 @@ impl Sketched {
             longest: 0.0,
             column_error: 0.0,
             square_error: 0.0,
-            rounding: HALF_UNIT * (width as f32).sqrt(),
+            rounding: ROUNDING * (width as f32).sqrt(),
         };
         let onto = sketched.onto.apply(vectors.as_slice());
         let of_rows: Vec<Coordinates> = vectors
@@ -117,7 +122,8 @@ impl Sketched {
         for of_row in of_rows {
             let exact = self.centered(of_row);
             // Within the range by its making.
-            let column = exact.map(|value| (value / unit).round().clamp(-64.0, 64.0) as i8);
+            let most = f32::from(MAX_IN_COLUMN);
+            let column = exact.map(|value| (value / unit).round().clamp(-most, most) as i8);
             let as_read = column.map(|number| f32::from(number) * unit);
             self.column_error = self.column_error.max(distance(&exact, &as_read) + of_row.error);
             self.longest = self.longest.max(length(&exact) + of_row.error);
@@ -147,49 +153,48 @@ impl Sketched {
         std::array::from_fn(|idx| coordinates.values[idx] - self.middle[idx])
     }
 
-    /// The nearest vector of each row of descriptors, none of which is longer than 1, by the distance in fixed point,
-    /// ties to the first: as [`crate::simd::nearest_columns`], which it equals.
+    /// The nearest vector of each row, none of which is longer than 1, by the distance in fixed point, ties to the first: as
+    /// [`crate::simd::nearest_columns`], which it equals.
     ///
     /// # Panics
-    /// When `vectors` are of another width, or `nearest` has not room for one each.
-    pub fn nearest(&self, vectors: &Matrix, scratch: &mut SketchScratch, nearest: &mut [u32]) {
+    /// When the rows are of another width, or `nearest` has not room for one each.
+    pub fn nearest(&self, vectors: &Matrix, nearest: &mut [u32]) {
         assert_eq!(vectors.n_rows(), nearest.len(), "room for another number of vectors");
         let rows = UnitRows::new(vectors);
-        let squared_lengths = rows.squared_lengths();
-        scratch.coordinates = self.onto.apply(vectors.as_slice());
-        scratch.scores.resize(self.columns.n_scores(), 0);
-        let of_rows = vectors.rows().zip(scratch.coordinates.chunks_exact(N_DIRECTIONS));
-        for (row_idx, (vector, onto)) in of_rows.enumerate() {
+        let onto = self.onto.apply(vectors.as_slice());
+        let of_rows = vectors.rows().zip(onto.chunks_exact(N_DIRECTIONS)).zip(rows.squared_lengths());
+        let mut scratch = Scratch { scores: vec![0; self.columns.n_scores()], candidates: Vec::new() };
+        for (row_idx, ((vector, onto), squared_length)) in of_rows.enumerate() {
             let coordinates = self.coordinates(vector, onto);
-            let among = |candidates: &[u32]| self.rows.nearest_among(&rows, row_idx, candidates);
-            let SketchScratch { scores, candidates, .. } = scratch;
-            candidates.clear();
-            nearest[row_idx] =
-                match self.likely(&coordinates, squared_lengths[row_idx], among, scores, candidates) {
-                    Some(nearest) => nearest.idx,
-                    None => {
-                        candidates.clear();
-                        candidates.extend(0..self.rows.n_rows() as u32);
-                        among(candidates).idx
-                    }
-                };
+            let asked = Asked { coordinates, squared_length, rows: &rows, row_idx };
+            self.choose(&asked, &mut scratch);
+            nearest[row_idx] = self.nearest_among(&asked, &scratch.candidates).idx;
         }
     }
 
-    /// The nearest, where sketches can tell which to compare.
-    fn likely(
-        &self,
-        coordinates: &Coordinates,
-        squared_length: i32,
-        among: impl Fn(&[u32]) -> Nearness,
-        scores: &mut [i16],
-        candidates: &mut Vec<u32>,
-    ) -> Option<Nearness> {
-        let exact = self.centered(coordinates);
+    fn nearest_among(&self, asked: &Asked, candidates: &[u32]) -> Nearness {
+        self.rows.nearest_among(asked.rows, asked.row_idx, candidates)
+    }
+
+    /// Chooses what may be the nearest: all where sketches cannot tell.
+    fn choose(&self, asked: &Asked, scratch: &mut Scratch) {
+        let least = self.least_score(asked, scratch);
+        scratch.candidates.clear();
+        if let Some(least) = least {
+            scores_at_least(&scratch.scores, least, &mut scratch.candidates);
+        }
+        if scratch.candidates.is_empty() {
+            scratch.candidates.extend(0..self.rows.n_rows() as u32);
+        }
+    }
+
+    /// The score below which no vector is the nearest. `None` where scores do not fit.
+    fn least_score(&self, asked: &Asked, Scratch { scores, candidates }: &mut Scratch) -> Option<i16> {
+        let exact = self.centered(&asked.coordinates);
         // Numbers beyond the range become the last ones, as far from them as they are.
         let row = SketchRow(exact.map(|value| (value / self.row_unit + 128.5) as u8));
         let as_read = row.numbers().map(|number| f32::from(number) * self.row_unit);
-        let row_error = distance(&exact, &as_read) + coordinates.error;
+        let row_error = distance(&exact, &as_read) + asked.coordinates.error;
         let row_length = length(&as_read);
         // How far a score may be from that of the sketches before they were rounded.
         let error = row_error * self.longest + row_length * self.column_error + self.square_error;
@@ -198,21 +203,17 @@ impl Sketched {
             return None;
         }
         let largest = sketch_scores(&row, &self.columns, scores);
+        candidates.clear();
         scores_at_least(scores, largest, candidates);
         candidates.truncate(1);
-        let first = among(candidates);
+        // The nearest is no farther than this one.
+        let first = self.nearest_among(asked, candidates);
         let squared_distance =
-            (i64::from(squared_length) - i64::from(first.score)) as f32 / ONE_PRODUCT as f32;
-        let length = length(&exact) - coordinates.error;
-        let least =
-            ((length.max(0.0).powi(2) - squared_distance) / 2.0 - error - FLOAT_ERROR) / self.score_unit;
+            (i64::from(asked.squared_length) - i64::from(first.score)) as f32 / ONE_PRODUCT as f32;
+        let length = (length(&exact) - asked.coordinates.error).max(0.0);
+        let least = ((length * length - squared_distance) / 2.0 - error - FLOAT_ERROR) / self.score_unit;
         // Below these are those that did not fit.
-        if least.is_nan() || least <= f32::from(i16::MIN + 2) {
-            return None;
-        }
-        candidates.clear();
-        scores_at_least(scores, least.floor() as i16, candidates);
-        (!candidates.is_empty()).then(|| among(candidates))
+        (least > f32::from(i16::MIN + 2)).then(|| least.floor() as i16)
     }
 }
 
@@ -221,13 +222,9 @@ fn length(values: &[f32; SKETCH]) -> f32 {
 }
 
 fn squared_length(values: &[f32]) -> f32 {
-    // Eight running sums: one would wait for itself at every step.
-    let mut sums = [0.0; 8];
-    let (blocks, rest) = values.as_chunks::<8>();
-    for block in blocks {
-        sums.iter_mut().zip(block).for_each(|(sum, value)| *sum += value * value);
-    }
-    sums.iter().sum::<f32>() + rest.iter().map(|value| value * value).sum::<f32>()
+    let mut product = 0.0;
+    dot(values, values, &mut product);
+    product as f32
 }
 
 fn distance(a: &[f32; SKETCH], b: &[f32; SKETCH]) -> f32 {

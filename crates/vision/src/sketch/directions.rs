@@ -1,6 +1,6 @@
 //! The directions in which vectors differ most.
 
-use crate::matrix::Matrix;
+use crate::matrix::{Covariance, Matrix};
 
 /// Rounds of powers. Directions that are not quite the main ones cost comparisons, never an answer.
 const N_ROUNDS: usize = 8;
@@ -9,7 +9,7 @@ const N_ROUNDS: usize = 8;
 /// the other: orthogonal iteration (Golub and Van Loan, "Matrix Computations", section 8.2.4).
 pub(super) fn main_directions(rows: &Matrix, n_directions: usize) -> Vec<f32> {
     let width = rows.n_cols();
-    let covariance = covariance(rows);
+    let covariance = Covariance::of(rows).values;
     let start = |direction: usize| (0..width).map(|idx| f64::from(u8::from(idx == direction))).collect();
     let mut directions: Vec<Vec<f64>> = (0..n_directions).map(start).collect();
     for _ in 0..N_ROUNDS {
@@ -19,23 +19,6 @@ pub(super) fn main_directions(rows: &Matrix, n_directions: usize) -> Vec<f32> {
         straighten(&mut directions);
     }
     directions.concat().into_iter().map(|value| value as f32).collect()
-}
-
-fn covariance(rows: &Matrix) -> Vec<Vec<f64>> {
-    let (n_rows, width) = (rows.n_rows() as f64, rows.n_cols());
-    let mut mean = vec![0.0; width];
-    for row in rows.rows() {
-        mean.iter_mut().zip(row).for_each(|(mean, &value)| *mean += f64::from(value) / n_rows);
-    }
-    let mut covariance = vec![vec![0.0; width]; width];
-    for row in rows.rows() {
-        let centered: Vec<f64> =
-            row.iter().zip(&mean).map(|(&value, mean)| f64::from(value) - mean).collect();
-        for (sums, &factor) in covariance.iter_mut().zip(&centered) {
-            sums.iter_mut().zip(&centered).for_each(|(sum, value)| *sum += factor * value);
-        }
-    }
-    covariance
 }
 
 /// Makes vectors of unit length and at right angles to each other (Gram and Schmidt, twice); those that lie in the span of others

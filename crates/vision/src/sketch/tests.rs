@@ -35,10 +35,7 @@ proptest! {
         vectors.push_row(&again);
         let sketched = Sketched::new(&vectors).expect("many vectors that are wide");
         let (mut nearest, mut expected) = (vec![0; asked.n_rows()], vec![0; asked.n_rows()]);
-        let mut scratch = SketchScratch::default();
-        for _ in 0..2 {
-            sketched.nearest(&asked, &mut scratch, &mut nearest);
-        }
+        sketched.nearest(&asked, &mut nearest);
         nearest_columns(&UnitRows::new(&asked), &UnitColumns::new(&vectors), &mut expected);
         prop_assert_eq!(nearest, expected);
     }
@@ -52,7 +49,7 @@ fn vectors_of_another_kind_find_theirs_too() {
     let sketched = Sketched::new(&vectors).unwrap();
     let asked = rows(&mut random, 50, &[1.0; 72], 2);
     let (mut nearest, mut expected) = (vec![0; 50], vec![0; 50]);
-    sketched.nearest(&asked, &mut SketchScratch::default(), &mut nearest);
+    sketched.nearest(&asked, &mut nearest);
     nearest_columns(&UnitRows::new(&asked), &UnitColumns::new(&vectors), &mut expected);
     assert_eq!(nearest, expected);
 }
@@ -64,11 +61,13 @@ fn few_vectors_are_compared_in_full() {
     let vectors = rows(&mut random, 1000, &spread, 4);
     let sketched = Sketched::new(&vectors).unwrap();
     let asked = rows(&mut random, 100, &spread, 4);
-    let mut scratch = SketchScratch::default();
+    let (rows, onto) = (UnitRows::new(&asked), sketched.onto.apply(asked.as_slice()));
+    let of_rows = asked.rows().zip(onto.chunks_exact(N_DIRECTIONS)).zip(rows.squared_lengths());
+    let mut scratch = Scratch { scores: vec![0; sketched.columns.n_scores()], candidates: Vec::new() };
     let mut n_compared = 0;
-    for vector in asked.rows() {
-        let one = Matrix::from_vec(vector.to_vec(), 72).unwrap();
-        sketched.nearest(&one, &mut scratch, &mut [0]);
+    for (row_idx, ((vector, onto), squared_length)) in of_rows.enumerate() {
+        let coordinates = sketched.coordinates(vector, onto);
+        sketched.choose(&Asked { coordinates, squared_length, rows: &rows, row_idx }, &mut scratch);
         n_compared += scratch.candidates.len();
     }
     assert!(n_compared < 100 * 100, "{n_compared} of {}", 100 * 1000);

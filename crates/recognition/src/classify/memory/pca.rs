@@ -1,6 +1,6 @@
 //! Principal components: the directions in which rows vary most.
 
-use roomsight_vision::matrix::Matrix;
+use roomsight_vision::matrix::{Covariance, Matrix};
 
 /// Rounds of rotations; each makes what is left beside the diagonal much smaller, and ten are more than enough.
 const MAX_ROUNDS: usize = 30;
@@ -17,27 +17,8 @@ pub(super) struct PrincipalComponents {
 impl PrincipalComponents {
     /// Of at least one row.
     pub(super) fn of(rows: &Matrix) -> Self {
-        let (n_rows, width) = (rows.n_rows().max(1) as f64, rows.n_cols());
-        let mut mean = vec![0.0; width];
-        for row in rows.rows() {
-            mean.iter_mut().zip(row).for_each(|(mean, &value)| *mean += f64::from(value));
-        }
-        mean.iter_mut().for_each(|mean| *mean /= n_rows);
-        let mut covariance = vec![vec![0.0; width]; width];
-        let mut centered = vec![0.0; width];
-        for row in rows.rows() {
-            centered.iter_mut().zip(row.iter().zip(&mean)).for_each(|(c, (&v, m))| *c = f64::from(v) - m);
-            for (i, sums) in covariance.iter_mut().enumerate() {
-                let factor = centered[i];
-                sums[i..].iter_mut().zip(&centered[i..]).for_each(|(sum, value)| *sum += factor * value);
-            }
-        }
-        for i in 0..width {
-            let (above, below) = covariance.split_at_mut(i + 1);
-            above[i][i..].iter_mut().for_each(|sum| *sum /= n_rows);
-            below.iter_mut().zip(&above[i][i + 1..]).for_each(|(row, value)| row[i] = *value);
-        }
-        let (variances, directions) = eigenvectors(covariance);
+        let Covariance { mean, values } = Covariance::of(rows);
+        let (variances, directions) = eigenvectors(values);
         Self { mean, directions, variances }
     }
 }
