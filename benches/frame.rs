@@ -19,6 +19,7 @@ use roomsight_recognition::vocabulary::{Described, Vocabulary};
 use roomsight_vision::camera::{Camera, Mirror, Projection};
 use roomsight_vision::image::{Image, Limits};
 use roomsight_vision::matrix::Matrix;
+use roomsight_vision::simd::{UnitColumns, UnitRows, nearest_columns};
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -120,6 +121,13 @@ fn measure(group: &mut BenchmarkGroup<WallTime>, drive: &Drive) {
         machines.descriptor.describe(image, &local.keypoints, &view)
     });
     each(group, "bag", &described, |(_, local)| parts.vocabulary.row(local.described()));
+    each(group, "words", &described, |(_, local)| parts.vocabulary.quantize(&local.descriptors));
+    let columns = UnitColumns::new(parts.vocabulary.centers());
+    each(group, "words, each compared with all", &described, |(_, local)| {
+        let mut words = vec![0; local.descriptors.n_rows()];
+        nearest_columns(&UnitRows::new(&local.descriptors), &columns, &mut words);
+        words
+    });
     each(group, "classify", &bags, |bag| parts.calibration.probabilities(&parts.svm.decision_values(bag)));
 
     let model = train_model(drive, features, &config);
