@@ -56,7 +56,8 @@ class TaughtService(RunningService):
         cls.addClassCleanup(kept.cleanup)
         cls.models = Path(kept.name) / "models"
         shutil.copytree(RunningService.models, cls.models)
-        cls.arguments = ["--data", str(Path(kept.name) / "data")]
+        cls.data = Path(kept.name) / "data"
+        cls.arguments = ["--data", str(cls.data)]
         super().setUpClass()
 
     async def is_refused(self, status: int, call: Awaitable[Any]) -> None:
@@ -184,19 +185,23 @@ class Trainings(TaughtService, unittest.IsolatedAsyncioTestCase):
     async def test_a_training_that_fails_or_is_cancelled_is_told(self) -> None:
         async with AsyncClient(self.url) as client:
             await client.sets.create("one")
-            await client.sets.add_frames("one", view("bars", 0), room="bars")
-            begun = await client.trainings.begin("one", model="one")
-            failed = await client.trainings.wait(begun.id, PATIENCE_S)
-            self.assertEqual(failed.state, "failed")
-            self.assertIn("room", failed.error or "")
-            await self.is_refused(409, client.trainings.publish(begun.id))
-            await self.is_refused(404, client.trainings.show(999))
+            await client.sets.add_frames("one", view("bars", 20), room="bars")
+            await self.is_refused(400, client.trainings.begin("one", model="one"))
             for room in ROOMS:
                 await client.sets.add_frames("one", [view(room, n) for n in range(12)], room=room)
             begun = await client.trainings.begin("one", model="one")
             await self.is_refused(409, client.trainings.begin("one", model="one"))
             await client.trainings.cancel(begun.id)
             self.assertEqual((await client.trainings.wait(begun.id, PATIENCE_S)).state, "cancelled")
+            # A disk went bad, or somebody copied something else over the pictures.
+            for picture in (self.data / "sets" / "one").rglob("*.*"):
+                picture.write_bytes(b"no picture")
+            begun = await client.trainings.begin("one", model="one")
+            failed = await client.trainings.wait(begun.id, PATIENCE_S)
+            self.assertEqual(failed.state, "failed")
+            self.assertRegex(failed.error or "", "room|picture")
+            await self.is_refused(409, client.trainings.publish(begun.id))
+            await self.is_refused(404, client.trainings.show(999))
 
 
 class InboxAndService(TaughtService, unittest.IsolatedAsyncioTestCase):
