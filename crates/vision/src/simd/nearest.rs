@@ -4,7 +4,7 @@ mod among;
 
 pub use among::{MeasuredRows, Nearness};
 
-use super::with_instructions;
+use super::{dispatch, with_instructions};
 use crate::matrix::Matrix;
 
 /// One in the fixed-point numbers: the products of vectors of unit length then fit 32 bits.
@@ -25,8 +25,8 @@ const COLUMN_BLOCK: usize = 16;
 /// Rows that are worked on at once.
 const ROW_BLOCK: usize = 4;
 
-/// Vectors of at most unit length, rounded to fixed point. Numbers lie two by two, as they are multiplied;
-/// a row of odd length ends with a zero.
+/// Vectors of at most unit length, rounded to the nearest fixed-point numbers, halves away from zero. Numbers lie two by two,
+/// as they are multiplied; a row of odd length ends with a zero.
 #[derive(Clone, Debug)]
 pub struct UnitRows {
     pairs: Vec<[i16; 2]>,
@@ -44,12 +44,7 @@ impl UnitRows {
         let n_pairs_a_row = n_cols.div_ceil(2);
         let n_rows = values.len().checked_div(n_cols).unwrap_or(0);
         let mut pairs = vec![[0; 2]; n_rows * n_pairs_a_row];
-        for (row, pairs) in
-            values.chunks_exact(n_cols.max(1)).zip(pairs.chunks_exact_mut(n_pairs_a_row.max(1)))
-        {
-            let numbers = pairs.as_flattened_mut().iter_mut();
-            numbers.zip(row).for_each(|(number, &value)| *number = fixed(value));
-        }
+        round_rows(values, n_cols, pairs.as_flattened_mut());
         Self { pairs, n_pairs_a_row }
     }
 
@@ -59,9 +54,46 @@ impl UnitRows {
     }
 }
 
-/// Rounded to the nearest fixed-point number; halves away from zero.
+dispatch! {
+    /// Rounds rows of `n_cols` values to fixed point, each into a row of an even number of `numbers`.
+    round_rows, round_rows_kernel, (values: &[f32], n_cols: usize, numbers: &mut [i16])
+}
+
+#[inline(always)]
+fn round_rows_kernel(values: &[f32], n_cols: usize, numbers: &mut [i16]) {
+    if n_cols.is_multiple_of(2) {
+        return round_row(values, numbers);
+    }
+    for (row, numbers) in values.chunks_exact(n_cols).zip(numbers.chunks_exact_mut(n_cols + 1)) {
+        round_row(row, numbers);
+    }
+}
+
+#[inline(always)]
+fn round_row(values: &[f32], numbers: &mut [i16]) {
+    let n = values.len().min(numbers.len());
+    let (values, rest) = values[..n].as_chunks::<COLUMN_BLOCK>();
+    let (numbers, of_rest) = numbers[..n].as_chunks_mut::<COLUMN_BLOCK>();
+    for (values, numbers) in values.iter().zip(numbers) {
+        for lane in 0..COLUMN_BLOCK {
+            numbers[lane] = fixed(values[lane]);
+        }
+    }
+    of_rest.iter_mut().zip(rest).for_each(|(number, &value)| *number = fixed(value));
+}
+
+/// The nearest fixed-point number, halves away from zero; the last one beyond the range, 0 for what is no number.
+#[inline(always)]
 fn fixed(value: f32) -> i16 {
-    (value * ONE + 0.5f32.copysign(value)) as i16
+    let sum = value * ONE + 0.5f32.copysign(value);
+    let (least, most) = (f32::from(i16::MIN), f32::from(i16::MAX));
+    // Comparisons that vectors have instructions for, which a conversion that saturates has not.
+    let sum = if sum > least { sum } else { least };
+    let sum = if sum < most { sum } else { most };
+    // SAFETY: within the range, as what is no number is not larger than the least.
+    let number = unsafe { sum.to_int_unchecked::<i32>() };
+    let is_number = i32::from(!value.is_nan()).wrapping_neg();
+    (number & is_number) as i16
 }
 
 /// The rows of a matrix laid out as columns, for [`nearest_columns`] and [`largest_products`].

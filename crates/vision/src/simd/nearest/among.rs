@@ -19,7 +19,7 @@ impl UnitRows {
         rows.map(|row| row.iter().fold(0i32, |sum, &pair| sum.wrapping_add(product(pair, pair)))).collect()
     }
 
-    fn row(&self, row_idx: usize) -> &[[i16; 2]] {
+    pub(super) fn row(&self, row_idx: usize) -> &[[i16; 2]] {
         &self.pairs[row_idx * self.n_pairs_a_row..][..self.n_pairs_a_row]
     }
 }
