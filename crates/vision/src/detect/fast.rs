@@ -7,7 +7,7 @@
 //! Instead of the paper's decision tree, opposite pairs of circle pixels are tested for many pixels at once
 //! (an arc of 9 holds at least one of each pair); the few that pass get the full test.
 
-use super::{Keypoint, for_each_marked};
+use super::Keypoint;
 use crate::camera::View;
 use crate::image::Image;
 use crate::simd;
@@ -51,17 +51,18 @@ pub enum FastThreshold {
 impl Fast {
     /// See [`super::Detector::detect`]. The response is the score.
     pub fn detect(&self, image: &Image, view: &View) -> Vec<Keypoint> {
+        let is_seen = |corner: &Keypoint| view.contains(corner.x, corner.y, RADIUS as f32);
         if view.wraps() {
-            return self.detect_wrapped(image, view);
+            return self.detect_wrapped(image, is_seen);
         }
-        match self.threshold {
-            FastThreshold::Fixed(threshold) => corners(image, threshold, view),
-            FastThreshold::Adaptive { target, lowest } => strongest(corners(image, lowest, view), target),
+        if view.is_whole_frame() {
+            return self.corners(image, |_| true);
         }
+        self.corners(image, is_seen)
     }
 
     /// Continues the image beyond the seam, so that corners on it are found.
-    fn detect_wrapped(&self, image: &Image, view: &View) -> Vec<Keypoint> {
+    fn detect_wrapped(&self, image: &Image, is_seen: impl Fn(&Keypoint) -> bool) -> Vec<Keypoint> {
         // The circle and one neighbor.
         const SEAM: usize = RADIUS + 1;
         let width = image.width();
@@ -74,83 +75,118 @@ impl Fast {
         let Some(wrapped) = Image::from_pixels(wrapped_width, image.height(), pixels) else {
             return Vec::new();
         };
-        let shifted = |threshold| {
-            let mut found = scored_corners(&wrapped, threshold);
-            found.retain_mut(|keypoint| {
-                keypoint.x -= SEAM as f32;
-                (0.0..width as f32).contains(&keypoint.x)
-                    && view.contains(keypoint.x, keypoint.y, RADIUS as f32)
-            });
-            found
-        };
-        match self.threshold {
-            FastThreshold::Fixed(threshold) => shifted(threshold),
-            FastThreshold::Adaptive { target, lowest } => strongest(shifted(lowest), target),
+        let unwrapped = |corner: &Keypoint| Keypoint { x: corner.x - SEAM as f32, ..*corner };
+        let mut found = self.corners(&wrapped, |corner| {
+            let corner = unwrapped(corner);
+            (0.0..width as f32).contains(&corner.x) && is_seen(&corner)
+        });
+        found.iter_mut().for_each(|corner| *corner = unwrapped(corner));
+        found
+    }
+
+    /// The corners of an image whose score exceeds that of their neighbors, with it as response.
+    fn corners(&self, image: &Image, is_seen: impl Fn(&Keypoint) -> bool) -> Vec<Keypoint> {
+        let (width, height) = (image.width(), image.height());
+        let mut found = Vec::new();
+        if width <= 2 * RADIUS || height <= 2 * RADIUS {
+            return found;
         }
-    }
-}
-
-/// The `target` corners of highest score, ties to the first, in their old order.
-fn strongest(mut corners: Vec<Keypoint>, target: usize) -> Vec<Keypoint> {
-    if corners.len() <= target {
-        return corners;
-    }
-    let mut counts = [0usize; 256];
-    corners.iter().for_each(|corner| counts[corner.response as usize] += 1);
-    // The lowest score of which all corners fit.
-    let mut threshold = 255;
-    let mut n_above = 0;
-    while n_above + counts[threshold] <= target {
-        n_above += counts[threshold];
-        threshold -= 1;
-    }
-    let mut n_ties_left = target - n_above;
-    corners.retain(|corner| {
-        let score = corner.response as usize;
-        let tie_fits = score == threshold && n_ties_left > 0;
-        n_ties_left -= usize::from(tie_fits);
-        score > threshold || tie_fits
-    });
-    corners
-}
-
-fn corners(image: &Image, threshold: u8, view: &View) -> Vec<Keypoint> {
-    let mut found = scored_corners(image, threshold);
-    if !view.is_whole_frame() {
-        found.retain(|corner| view.contains(corner.x, corner.y, RADIUS as f32));
-    }
-    found
-}
-
-/// All corners of the image at `threshold` whose score exceeds their neighbors', with it as response.
-fn scored_corners(image: &Image, threshold: u8) -> Vec<Keypoint> {
-    let (width, height) = (image.width(), image.height());
-    let mut found = Vec::new();
-    if width <= 2 * RADIUS || height <= 2 * RADIUS {
-        return found;
-    }
-    // Of three rows, turned round; a corner's strength is one more than its score, others have 0.
-    let mut strengths = [vec![0u8; width], vec![0u8; width], vec![0u8; width]];
-    for y in RADIUS..=height - RADIUS {
-        let current = &mut strengths[y % 3];
-        if y < height - RADIUS {
-            let rows = std::array::from_fn(|row| image.row(y - RADIUS + row));
-            simd::fast_strengths(&rows, threshold, &mut current[RADIUS..width - RADIUS]);
-        } else {
-            current.fill(0);
-        }
-        let [above, middle, below] = [y - 2, y - 1, y].map(|y| &strengths[y % 3][..]);
-        for_each_marked(middle, |x, strength| {
-            let is_largest =
-                [above, below].iter().all(|row| row[x - 1..=x + 1].iter().all(|&s| s < strength))
-                    && middle[x - 1] < strength
-                    && middle[x + 1] < strength;
-            if is_largest {
-                found.push(Keypoint::new(x as f32, (y - 1) as f32, f32::from(strength - 1)));
+        let mut choice = Choice::new(self.threshold);
+        // Three rows, turned round.
+        let mut rows = [(); 3].map(|()| Strengths { of_pixels: vec![0; width], marked: Vec::new() });
+        for y in RADIUS..=height - RADIUS {
+            let current = &mut rows[y % 3];
+            current.clear();
+            if y < height - RADIUS {
+                let rows = std::array::from_fn(|row| image.row(y - RADIUS + row));
+                let of_pixels = &mut current.of_pixels[RADIUS..width - RADIUS];
+                simd::fast_strengths(&rows, choice.threshold, of_pixels, &mut current.marked);
             }
+            let [above, middle, below] = [y - 2, y - 1, y].map(|y| &rows[y % 3].of_pixels[..]);
+            for &column in &rows[(y - 1) % 3].marked {
+                let x = column as usize + RADIUS;
+                let strength = middle[x];
+                let is_largest =
+                    [above, below].iter().all(|row| row[x - 1..=x + 1].iter().all(|&s| s < strength))
+                        && middle[x - 1] < strength
+                        && middle[x + 1] < strength;
+                let corner = Keypoint::new(x as f32, (y - 1) as f32, f32::from(strength - 1));
+                if is_largest && is_seen(&corner) {
+                    choice.count(&corner);
+                    found.push(corner);
+                }
+            }
+            choice.raise_threshold();
+        }
+        choice.keep_strongest(&mut found);
+        found
+    }
+}
+
+/// What the segment test says of a row's pixels.
+struct Strengths {
+    /// One more than the score of each, 0 where it is no corner.
+    of_pixels: Vec<u8>,
+    /// The columns of the others, less [`RADIUS`].
+    marked: Vec<u32>,
+}
+
+impl Strengths {
+    fn clear(&mut self) {
+        self.marked.drain(..).for_each(|column| self.of_pixels[column as usize + RADIUS] = 0);
+    }
+}
+
+/// Chooses the corners of highest score. Once there are enough of them the threshold rises, which spares the rest of the frame:
+/// a lower score is none of them any more. (Of two neighbors below it both may be found then; neither is chosen.)
+struct Choice {
+    target: usize,
+    /// The lowest score that may be chosen.
+    threshold: u8,
+    /// The corners of each score.
+    counts: [usize; 256],
+    /// Corners that reach the threshold.
+    n_above: usize,
+}
+
+impl Choice {
+    fn new(threshold: FastThreshold) -> Self {
+        let (threshold, target) = match threshold {
+            FastThreshold::Fixed(threshold) => (threshold, usize::MAX),
+            FastThreshold::Adaptive { target, lowest } => (lowest, target),
+        };
+        Self { target, threshold, counts: [0; 256], n_above: 0 }
+    }
+
+    fn count(&mut self, corner: &Keypoint) {
+        let score = corner.response as u8;
+        self.counts[usize::from(score)] += 1;
+        self.n_above += usize::from(score >= self.threshold);
+    }
+
+    /// To the highest that leaves the target.
+    fn raise_threshold(&mut self) {
+        while self.threshold < u8::MAX && self.n_above - self.n_ties() >= self.target {
+            self.n_above -= self.n_ties();
+            self.threshold += 1;
+        }
+    }
+
+    /// Corners that just reach the threshold.
+    fn n_ties(&self) -> usize {
+        self.counts[usize::from(self.threshold)]
+    }
+
+    /// The `target` corners of highest score, ties to the first, in their old order.
+    fn keep_strongest(&self, corners: &mut Vec<Keypoint>) {
+        let threshold = f32::from(self.threshold);
+        let mut n_ties_left = self.target.saturating_sub(self.n_above - self.n_ties());
+        corners.retain(|corner| {
+            let tie_fits = corner.response == threshold && n_ties_left > 0;
+            n_ties_left -= usize::from(tie_fits);
+            corner.response > threshold || tie_fits
         });
     }
-    found
 }
 
 #[cfg(test)]

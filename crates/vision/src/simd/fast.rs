@@ -35,103 +35,143 @@ const BLOCK_COLUMNS: usize = BLOCK + SIDE - 1;
 dispatch! {
     /// By how much the best arc of each pixel of a row differs from it: `strengths[x]` is the largest d so
     /// that 9 contiguous pixels of the circle round the pixel are all at least d brighter or all at least d
-    /// darker; 0 where it does not exceed `threshold`.
+    /// darker, where it exceeds `threshold`. Only those are written, and their columns added to `marked`, from left
+    /// to right.
     ///
     /// `rows` are those from three above the pixels to three below. They begin three columns before the
     /// first of the pixels and are six longer than `strengths`.
     fast_strengths, fast_strengths_kernel,
-    (rows: &[&[u8]; SIDE], threshold: u8, strengths: &mut [u8])
+    (rows: &[&[u8]; SIDE], threshold: u8, strengths: &mut [u8], marked: &mut Vec<u32>)
 }
 
 #[inline(always)]
-fn fast_strengths_kernel(rows: &[&[u8]; SIDE], threshold: u8, strengths: &mut [u8]) {
+fn fast_strengths_kernel(rows: &[&[u8]; SIDE], threshold: u8, strengths: &mut [u8], marked: &mut Vec<u32>) {
     let n = strengths.len();
-    let mut start = 0;
-    while start < n {
-        let mut block = [0; BLOCK];
-        if n < BLOCK {
-            // Too short for a block: continued with zeros.
-            let padded: [[u8; BLOCK_COLUMNS]; SIDE] = std::array::from_fn(|row| {
-                std::array::from_fn(|column| rows[row].get(column).copied().unwrap_or(0))
-            });
-            strengths_of_block(&padded.each_ref(), threshold, &mut block);
-            strengths.copy_from_slice(&block[..n]);
-            return;
+    let mut block = [0; BLOCK];
+    if n < BLOCK {
+        // Too short for a block: continued with zeros.
+        let padded: [[u8; BLOCK_COLUMNS]; SIDE] = std::array::from_fn(|row| {
+            std::array::from_fn(|column| rows[row].get(column).copied().unwrap_or(0))
+        });
+        if strengths_of_block(&padded.each_ref(), threshold, &mut block) {
+            mark(&block[..n], 0, strengths, marked);
         }
+        return;
+    }
+    for start in (0..n).step_by(BLOCK) {
         // The last block begins earlier instead of being shorter.
         let first = start.min(n - BLOCK);
         let mut columns = [&[0; BLOCK_COLUMNS]; SIDE];
         for (columns, row) in columns.iter_mut().zip(rows) {
             *columns = row[first..].first_chunk().expect("rows are longer than the strengths");
         }
-        strengths_of_block(&columns, threshold, &mut block);
-        strengths[first..first + BLOCK].copy_from_slice(&block);
-        start += BLOCK;
+        if strengths_of_block(&columns, threshold, &mut block) {
+            mark(&block[start - first..], start, strengths, marked);
+        }
     }
 }
 
-/// Opposite pairs of the circle's pixels are tested first: an arc of 9 holds at least one of each. Most
-/// blocks have no pixel that passes.
+/// Writes the strengths of a block, the first of which is that of column `start`.
 #[inline(always)]
-fn strengths_of_block(rows: &[&[u8; BLOCK_COLUMNS]; SIDE], threshold: u8, strengths: &mut [u8; BLOCK]) {
-    const N: usize = BLOCK;
-    let block = |row: usize, column: usize| -> [u8; N] {
-        let mut block = [0; N];
-        block.copy_from_slice(&rows[row][column..column + N]);
-        block
-    };
-    let center = block(SIDE / 2, SIDE / 2);
-    let (mut brighter, mut darker) = ([u8::MAX; N], [u8::MAX; N]);
-    for pair in 0..8 {
-        let a = block(CIRCLE[pair].0, CIRCLE[pair].1);
-        let b = block(CIRCLE[pair + 8].0, CIRCLE[pair + 8].1);
-        for x in 0..N {
-            brighter[x] = brighter[x].min(a[x].max(b[x]).saturating_sub(center[x]));
-            darker[x] = darker[x].min(center[x].saturating_sub(a[x].min(b[x])));
+fn mark(block: &[u8], start: usize, strengths: &mut [u8], marked: &mut Vec<u32>) {
+    const WORD: usize = size_of::<u64>();
+    for (word_idx, bytes) in block.chunks(WORD).enumerate() {
+        let mut padded = [0; WORD];
+        padded[..bytes.len()].copy_from_slice(bytes);
+        let mut word = u64::from_le_bytes(padded);
+        while word != 0 {
+            let lane = word.trailing_zeros() as usize / 8;
+            let column = start + word_idx * WORD + lane;
+            strengths[column] = padded[lane];
+            marked.push(column as u32);
+            word &= !(0xFF << (8 * lane));
         }
     }
+}
+
+/// The pairs of the circle that are tested at once: most blocks do not pass the first two.
+const PAIRS: [&[usize]; 3] = [&[0, 4], &[2, 6], &[1, 3, 5, 7]];
+
+/// The strengths of a block, 0 where they do not exceed the threshold. Returns whether any does; where not, as in most
+/// blocks, they are left as they are.
+///
+/// Opposite pairs of the circle's pixels are tested first, as an arc of 9 holds at least one of each.
+//
+// Loops and no closures: what is not inlined is not compiled for wide vectors.
+#[inline(always)]
+fn strengths_of_block(
+    rows: &[&[u8; BLOCK_COLUMNS]; SIDE],
+    threshold: u8,
+    strengths: &mut [u8; BLOCK],
+) -> bool {
+    const N: usize = BLOCK;
+    let center = block(rows, (SIDE / 2, SIDE / 2));
+    // The brightest and the darkest that arcs of the tested pairs can be.
+    let (mut brightest, mut darkest) = ([u8::MAX; N], [0; N]);
+    for pairs in PAIRS {
+        for &pair in pairs {
+            let (a, b) = (block(rows, CIRCLE[pair]), block(rows, CIRCLE[pair + 8]));
+            for x in 0..N {
+                brightest[x] = brightest[x].min(a[x].max(b[x]));
+                darkest[x] = darkest[x].max(a[x].min(b[x]));
+            }
+        }
+        let mut any = 0;
+        for x in 0..N {
+            let most = brightest[x].saturating_sub(center[x]).max(center[x].saturating_sub(darkest[x]));
+            any |= most.saturating_sub(threshold);
+        }
+        if any == 0 {
+            return false;
+        }
+    }
+    let mut circle = [[0; N]; 16];
+    for (pixels, &place) in circle.iter_mut().zip(&CIRCLE) {
+        *pixels = block(rows, place);
+    }
+    let brightest = best_arc(&circle);
+    // The darkest is the brightest of the negative.
+    circle.as_flattened_mut().iter_mut().for_each(|pixel| *pixel = !*pixel);
+    let darkest = best_arc(&circle);
     let mut any = 0;
     for x in 0..N {
-        any |= brighter[x].max(darker[x]).saturating_sub(threshold);
-    }
-    if any == 0 {
-        return;
-    }
-    let (mut above, mut below) = ([[0; N]; 16], [[0; N]; 16]);
-    for (idx, &(row, column)) in CIRCLE.iter().enumerate() {
-        let pixels = block(row, column);
-        for x in 0..N {
-            above[idx][x] = pixels[x].saturating_sub(center[x]);
-            below[idx][x] = center[x].saturating_sub(pixels[x]);
-        }
-    }
-    let (above, below) = (best_arc(&above), best_arc(&below));
-    for x in 0..N {
-        let strength = above[x].max(below[x]);
+        let strength = brightest[x].saturating_sub(center[x]).max(darkest[x].saturating_sub(!center[x]));
         strengths[x] = if strength > threshold { strength } else { 0 };
+        any |= strengths[x];
     }
+    any != 0
 }
 
-/// The largest minimum over all arcs of 9, by doubling the arcs' length: 1, 2, 4, 8, 9.
+/// The pixels of a block's circles at one place of the square.
 #[inline(always)]
-fn best_arc(one: &[[u8; BLOCK]; 16]) -> [u8; BLOCK] {
+fn block(rows: &[&[u8; BLOCK_COLUMNS]; SIDE], (row, column): (usize, usize)) -> [u8; BLOCK] {
+    let mut block = [0; BLOCK];
+    block.copy_from_slice(&rows[row][column..column + BLOCK]);
+    block
+}
+
+/// The largest minimum over all arcs of 9. The arcs from `2 k` and from `2 k + 1` on share eight pixels, to which one of
+/// their ends is added.
+#[inline(always)]
+fn best_arc(circle: &[[u8; BLOCK]; 16]) -> [u8; BLOCK] {
     const N: usize = BLOCK;
-    let (mut two, mut four) = ([[0; N]; 16], [[0; N]; 16]);
-    for start in 0..16 {
+    let (mut two, mut four) = ([[0; N]; 8], [[0; N]; 8]);
+    for k in 0..8 {
         for x in 0..N {
-            two[start][x] = one[start][x].min(one[(start + 1) % 16][x]);
+            two[k][x] = circle[2 * k + 1][x].min(circle[(2 * k + 2) % 16][x]);
         }
     }
-    for start in 0..16 {
+    for k in 0..8 {
         for x in 0..N {
-            four[start][x] = two[start][x].min(two[(start + 2) % 16][x]);
+            four[k][x] = two[k][x].min(two[(k + 1) % 8][x]);
         }
     }
     let mut best = [0; N];
-    for start in 0..16 {
+    for k in 0..8 {
         for x in 0..N {
-            let eight = four[start][x].min(four[(start + 4) % 16][x]);
-            best[x] = best[x].max(eight.min(one[(start + 8) % 16][x]));
+            let eight = four[k][x].min(four[(k + 2) % 8][x]);
+            let end = circle[2 * k][x].max(circle[(2 * k + 9) % 16][x]);
+            best[x] = best[x].max(eight.min(end));
         }
     }
     best
@@ -151,10 +191,13 @@ mod tests {
             // With low contrast arcs are common.
             let pixels: Vec<u8> = random.iter().map(|&value| (u16::from(value) * contrast / 256) as u8).collect();
             let rows = std::array::from_fn(|row| &pixels[row * 76..][..length + 6]);
-            let (mut strengths, mut plain) = (vec![7; length], vec![7; length]);
-            fast_strengths(&rows, threshold, &mut strengths);
-            fast_strengths_kernel(&rows, threshold, &mut plain);
-            prop_assert_eq!(&strengths, &plain);
+            let (mut strengths, mut plain) = (vec![0; length], vec![0; length]);
+            let (mut marked, mut plain_marked) = (Vec::new(), Vec::new());
+            fast_strengths(&rows, threshold, &mut strengths, &mut marked);
+            fast_strengths_kernel(&rows, threshold, &mut plain, &mut plain_marked);
+            prop_assert_eq!((&strengths, &marked), (&plain, &plain_marked));
+            let columns: Vec<u32> = (0..length as u32).filter(|&x| strengths[x as usize] > 0).collect();
+            prop_assert_eq!(marked, columns);
             for x in 0..length {
                 let difference = |idx: usize| {
                     let (row, column) = CIRCLE[idx % 16];
