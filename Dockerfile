@@ -20,6 +20,8 @@ FROM rust:1-slim-bookworm AS build
 WORKDIR /src
 # The dependencies alone, with nothing of ours to compile: kept until they change.
 COPY Cargo.toml Cargo.lock ./
+COPY crates/bench/Cargo.toml crates/bench/
+COPY crates/bench/benches crates/bench/benches
 COPY crates/client/Cargo.toml crates/client/
 COPY crates/lab/Cargo.toml crates/lab/
 COPY crates/protocol/Cargo.toml crates/protocol/
@@ -30,6 +32,7 @@ COPY build.rs ./
 COPY dashboard/dist dashboard/dist
 RUN mkdir src && echo 'fn main() {}' > src/main.rs && touch src/lib.rs \
     && for crate in crates/*; do mkdir $crate/src && touch $crate/src/lib.rs; done \
+    && echo 'fn main() {}' > crates/bench/src/main.rs \
     && cargo build --profile dist --locked --bin roomsight && rm -r src crates/*/src
 COPY . .
 COPY --from=page /src/dashboard/dist/page dashboard/dist/page

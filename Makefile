@@ -35,10 +35,15 @@ HAS_NODE := $(shell node -e 'process.exit(parseInt(process.versions.node) >= 20 
 export PLAYWRIGHT_SKIP_BROWSER_DOWNLOAD := 1
 CHROMIUM := $(shell command -v chromium || command -v chromium-browser || command -v google-chrome)
 
-.PHONY: help demo build page test networks bench fuzz deny tools test-page test-python arm
+# What benchmarks stand beside, each left out where it cannot be had.
+PEERS := numpy opencv-contrib-python-headless simplejpeg faiss-cpu scikit-learn
+PEERS_VENV := target/peers
+PEERS_STAMP := $(PEERS_VENV)/.installed
+
+.PHONY: help demo build page test networks bench bench-instructions check-instructions fuzz deny tools test-page test-python arm
 
 help: ## list these targets
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
 
 # A program that is built already takes the place of a release build: ROOMSIGHT=target/debug/roomsight.
 ROOMSIGHT ?=
@@ -130,8 +135,32 @@ arm: tools ## the core's tests on another architecture, under qemu
 	CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_RUNNER="qemu-aarch64-static -L /usr/aarch64-linux-gnu" \
 	  cargo test --target $(ARM) -p roomsight-vision -p roomsight-recognition --lib -- --skip network
 
-bench: tools ## milliseconds a frame, step by step
-	cargo bench $(ARGS)
+bench: tools ## what a frame costs: step by step, in instructions, beside other libraries
+	cargo bench -p roomsight-bench --bench frame --bench memory -- $(ARGS)
+	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(PEERS_STAMP); then \
+	  $(PYTHON) benches/instructions.py && $(PYTHON) benches/compare.py $(PEERS_VENV)/bin/python; \
+	else \
+	  echo "LEFT OUT: counts of instructions, and other libraries. They take python3 with venv, and packages from an index." >&2; \
+	fi
+	@echo "The service beside others, which takes wrk: benches/rest.sh. Its streams and swaps, networks and the match kernel:"
+	@echo "cargo bench --bench stream (or swap, network), cargo bench -p roomsight-bench --bench match_kernel."
+
+bench-instructions: tools ## instructions a frame of each step; UPDATE=1 writes them to docs/BENCHMARKS.md
+	@UPDATE=$(UPDATE) $(PYTHON) benches/instructions.py
+
+check-instructions: tools ## fail where a step takes more instructions than docs/BENCHMARKS.md says
+	@if $(PYTHON) --version >/dev/null 2>&1; then \
+	  $(PYTHON) benches/instructions.py --check; \
+	else \
+	  echo "LEFT OUT: counts of instructions. They take python3." >&2; \
+	fi
+
+$(PEERS_STAMP): Makefile
+	$(PYTHON) -m venv $(PEERS_VENV)
+	@for package in $(PEERS); do \
+	  $(PEERS_VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $$package || echo "$$package cannot be had" >&2; \
+	done
+	@touch $@
 
 # The stable compiler instruments too where it is told to take the flags of the unstable one.
 fuzz: tools ## feed damaged input to all readers, MINUTES=1 each; TARGETS="pictures model" for some

@@ -1,14 +1,13 @@
 //! The match kernel: seconds to train on a sequence as long as those of COLD, on all threads, and milliseconds to
 //! compare one frame with 700, on one thread. FAST, 300 corners, CS-LBP, the omnidirectional camera.
 //!
-//! `cargo bench --bench match_kernel`
+//! `cargo bench -p roomsight-bench --bench match_kernel`
 
 #![allow(clippy::unwrap_used, reason = "a benchmark stops at the first surprise")]
 
-mod lab;
-
 use image::DynamicImage;
 use rayon::prelude::*;
+use roomsight_bench::drive;
 use roomsight_lab::simulate::CameraKind;
 use roomsight_recognition::classify::svm::{DescriptorSet, MatchConfig, MatchSvm};
 use roomsight_recognition::model::{Classifier, Config, Extractor, Model, Representation, Sample, Scratch};
@@ -56,7 +55,7 @@ fn main() {
 
 /// Frames of one drive.
 fn described(config: &Config) -> (Vec<Sample>, Camera) {
-    let simulation = lab::drive(5.0);
+    let simulation = drive::simulation(5.0);
     let render = |frame_idx: usize| {
         let frame =
             DynamicImage::from(simulation.render(frame_idx, CameraKind::Omnidirectional)).into_luma8();
