@@ -1,11 +1,11 @@
 //! The inner loops, compiled once for any CPU, once for AVX2 and once for AVX-512.
 //!
 //! Each kernel is written once, in plain Rust over fixed-width blocks that the compiler turns into vector
-//! instructions. They compute with whole numbers, or with floats that are never summed in another order nor
-//! multiplied and added in one step, so every version gives the same bits and a model answers the same on
-//! every CPU. The only unsafe code of the project is here: calling a version once the CPU is known to have its
-//! instructions, executing these, and reading pixels whose place was checked before. No argument of a public
-//! function makes it unsound; those that fit no promise panic.
+//! instructions; where it knows none, others are named beside the plain ones. They compute with whole numbers, or with
+//! floats that are never summed in another order nor multiplied and added in one step, so every version gives the same
+//! bits and a model answers the same on every CPU. The only unsafe code of the project is here: calling a version once the
+//! CPU is known to have its instructions, executing these, and reading pixels whose place was checked before. No argument
+//! of a public function makes it unsound; those that fit no promise panic.
 
 #![allow(
     unsafe_code,
@@ -26,7 +26,7 @@ mod project;
 mod sketches;
 
 pub use bytes::{ByteColumns, ByteRows, MAX_BYTES, Nearest};
-pub use dct::{BLOCKS, BlockGroup, inverse_dct};
+pub use dct::{Block, inverse_dct};
 pub use dot::dot;
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};

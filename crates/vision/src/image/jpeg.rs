@@ -23,7 +23,8 @@ use huffman::{Class, Table};
 use image::metadata::Orientation;
 use samples::Pixels;
 use scan::Scan;
-use std::array;
+use std::sync::Arc;
+use std::{array, mem};
 
 /// A progressive frame brings its whole area once a scan; real ones have about ten.
 const MAX_SCANS: usize = 64;
@@ -67,9 +68,9 @@ struct Reader<'a> {
     bytes: &'a [u8],
     position: usize,
     with_colors: bool,
-    quantization: [Option<[i32; 64]>; 4],
-    dc: [Option<Table>; 4],
-    ac: [Option<Table>; 4],
+    quantization: [Option<[u16; 64]>; 4],
+    dc: [Option<Arc<Table>>; 4],
+    ac: [Option<Arc<Table>>; 4],
     restart_interval: usize,
     is_jfif: bool,
     /// The transform of colors that Adobe's programs note.
@@ -211,7 +212,7 @@ impl<'a> Reader<'a> {
                     64 => u16::from(values[k]),
                     _ => u16::from_be_bytes([values[2 * k], values[2 * k + 1]]),
                 };
-                table[usize::from(position)] = i32::from(value);
+                table[usize::from(position)] = value;
             }
             segment = &rest[n_bytes..];
         }
@@ -230,7 +231,7 @@ impl<'a> Reader<'a> {
                 _ => return Err(wrong()),
             };
             let table = tables.get_mut(usize::from(head & 15)).ok_or_else(wrong)?;
-            *table = Some(Table::new(counts, symbols).ok_or_else(wrong)?);
+            *table = Some(Table::shared(counts, symbols).ok_or_else(wrong)?);
             segment = &rest[n_symbols..];
         }
         Ok(())
@@ -245,9 +246,11 @@ impl<'a> Reader<'a> {
                 (component.is_wanted, component.only_colors) = (self.with_colors, true);
             }
         }
+        // A copy of a scan, without the zeros that are stuffed into it.
+        let n_bytes = self.bytes.len() as u64;
         let check = |side: usize| {
             let [width, height] = frame.size_at(side);
-            check_size(width as u64, height as u64, frame.memory_at(side), limits)
+            check_size(width as u64, height as u64, n_bytes + frame.memory_at(side), limits)
         };
         let fits = |side: usize| {
             let longest = frame.size_at(side).into_iter().max().unwrap_or(0);
@@ -256,7 +259,7 @@ impl<'a> Reader<'a> {
         self.side =
             if check(8).is_ok() { 8 } else { [4, 2, 1].into_iter().find(|&side| fits(side)).unwrap_or(8) };
         check(self.side)?;
-        let memory = frame.memory_at(self.side) + frame.memory_of_colors_at(self.side);
+        let memory = n_bytes + frame.memory_at(self.side) + frame.memory_of_colors_at(self.side);
         if memory > limits.max_memory {
             self.with_colors = false;
             frame.give_up_colors();
@@ -382,9 +385,8 @@ impl<'a> Reader<'a> {
         }
         if frame.is_progressive {
             for component in frame.components.iter_mut().filter(|component| component.is_wanted) {
-                let n_rows = component.n_padded[1];
-                component.transform(0, n_rows);
-                component.groups = Vec::new();
+                let blocks = mem::take(&mut component.blocks);
+                component.transform(&blocks, 0);
             }
         }
         let n_damaged = frame.rows.iter().filter(|&&row| row != RowState::Whole).count();
@@ -426,7 +428,7 @@ fn note_pass(component: &mut Component, pass: &Pass, is_progressive: bool) -> Re
 
 /// Puts the standard's table in the place of one that is needed and did not come.
 fn fill_in(
-    tables: &mut [Option<Table>; 4],
+    tables: &mut [Option<Arc<Table>>; 4],
     is_needed: bool,
     class: Class,
     number: u8,

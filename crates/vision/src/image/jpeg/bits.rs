@@ -1,16 +1,30 @@
 //! The bits of entropy-coded data, up to the next marker.
 
-/// Bytes of zeros and ones that make up a scan, read from the most significant bit on.
+/// What a scan holds, interval after interval: the bytes between two restart markers, or all of them.
+pub(super) struct Stream<'a> {
+    bytes: &'a [u8],
+    /// The first byte behind the last interval: where a marker begins, or the end.
+    position: usize,
+    /// The bytes of an interval as they were before zeros were stuffed between them, and [`PADDING`].
+    interval: Vec<u8>,
+}
+
+/// Follows the bytes of an interval, so that its last ones can be read together with others.
+const PADDING: [u8; 8] = [0; 8];
+
+/// Zeros and ones, read from the most significant bit of each byte on.
 ///
 /// After the data's end there are only zeros, and [`Bits::ran_out`] tells.
+#[derive(Clone, Copy)]
 pub(super) struct Bits<'a> {
-    bytes: &'a [u8],
-    /// The first byte that is not in `window`.
-    position: usize,
+    /// The bytes that are not in `window`, at least not as a whole, and [`PADDING`].
+    rest: &'a [u8],
     /// The next bits, from the highest on.
     window: u64,
-    /// How many bits of `window` count; below 0 where more were taken than there were.
-    n_bits: i32,
+    /// How many bits of `window` count, up to 63. Those behind them are zeros, or already what they will be.
+    n_bits: u32,
+    /// How many bytes were read behind the padding.
+    n_beyond: usize,
 }
 
 /// A restart marker that came where one should, or later.
@@ -20,50 +34,68 @@ pub(super) struct Restart {
     pub n_lost: usize,
 }
 
-impl<'a> Bits<'a> {
+impl<'a> Stream<'a> {
     pub(super) fn new(bytes: &'a [u8], position: usize) -> Self {
-        Self { bytes, position, window: 0, n_bits: 0 }
+        let n_bytes = bytes.len().saturating_sub(position) + PADDING.len();
+        Self { bytes, position, interval: Vec::with_capacity(n_bytes) }
     }
 
-    /// Gets at least 32 bits ready, or all that are left.
+    /// The bits up to the next marker.
+    pub(super) fn interval(&mut self) -> Bits<'_> {
+        self.interval.clear();
+        while let Some(rest) = self.bytes.get(self.position..) {
+            let n_plain = first_ff(rest).unwrap_or(rest.len());
+            self.interval.extend_from_slice(&rest[..n_plain]);
+            self.position += n_plain;
+            // One or more bytes of 255 and a 0 are a single byte of 255.
+            let n_ff = rest[n_plain..].iter().take_while(|&&byte| byte == 0xFF).count();
+            if rest.get(n_plain + n_ff) != Some(&0) {
+                break;
+            }
+            self.interval.push(0xFF);
+            self.position += n_ff + 1;
+        }
+        self.interval.extend(PADDING);
+        Bits { rest: &self.interval, window: 0, n_bits: 0, n_beyond: 0 }
+    }
+
+    /// Goes on after the next restart marker, which should be number `expected` (modulo 8). Without one
+    /// before the scan's end there is nothing to go on with.
+    pub(super) fn restart(&mut self, expected: usize) -> Option<Restart> {
+        loop {
+            self.position = next_marker(self.bytes, self.position)?;
+            let marker = self.bytes[self.position + 1];
+            if !(0xD0..=0xD7).contains(&marker) {
+                return None;
+            }
+            self.position += 2;
+            let n_lost = (usize::from(marker - 0xD0) + 8 - expected % 8) % 8;
+            // One that was expected a little earlier is late; others tell that something is missing.
+            if n_lost < 6 {
+                return Some(Restart { n_lost });
+            }
+        }
+    }
+
+    /// Where the last interval ends.
+    pub(super) fn position(&self) -> usize {
+        self.position
+    }
+}
+
+impl Bits<'_> {
+    /// Gets at least 56 bits ready.
     #[inline(always)]
     pub(super) fn refill(&mut self) {
-        if self.n_bits >= 32 {
-            return;
+        // From 0 to 7.
+        let n_bytes = (!self.n_bits & 63) as usize / 8;
+        if let Some(&chunk) = self.rest.first_chunk() {
+            self.window |= u64::from_be_bytes(chunk) >> (self.n_bits & 63);
+            self.rest = &self.rest[n_bytes..];
+        } else {
+            self.n_beyond += n_bytes;
         }
-        if let Some((chunk, _)) = self.bytes.get(self.position..).and_then(|rest| rest.split_first_chunk()) {
-            let word = u64::from_be_bytes(*chunk);
-            if !has_ff(word) && self.n_bits >= 0 {
-                // Bits beyond those that are counted are set too: the same will be set again.
-                self.window |= word >> self.n_bits;
-                let n_bytes = (63 - self.n_bits) / 8;
-                self.position += n_bytes as usize;
-                self.n_bits += 8 * n_bytes;
-                return;
-            }
-        }
-        self.refill_bytewise();
-    }
-
-    /// The same where a byte of 255 needs a look.
-    #[cold]
-    fn refill_bytewise(&mut self) {
-        while self.n_bits <= 56 {
-            let Some(&byte) = self.bytes.get(self.position) else { return };
-            let mut next = self.position + 1;
-            if byte == 0xFF {
-                while self.bytes.get(next) == Some(&0xFF) {
-                    next += 1;
-                }
-                if self.bytes.get(next) != Some(&0) {
-                    return;
-                }
-                next += 1;
-            }
-            self.window |= u64::from(byte) << (56 - self.n_bits);
-            self.n_bits += 8;
-            self.position = next;
-        }
+        self.n_bits |= 56;
     }
 
     /// The next `count` bits, from 1 to 32, left where they are.
@@ -72,14 +104,14 @@ impl<'a> Bits<'a> {
         (self.window >> (64 - count)) as u32
     }
 
-    /// Steps over `count` bits. A refill gets enough of them for two steps of 16.
+    /// Steps over `count` bits, of those that a refill got.
     #[inline(always)]
     pub(super) fn skip(&mut self, count: u32) {
         self.window <<= count;
-        self.n_bits -= count as i32;
+        self.n_bits -= count;
     }
 
-    /// Takes `count` bits, from 0 to 16.
+    /// Takes `count` bits, from 0 to 16, of those that a refill got.
     #[inline(always)]
     pub(super) fn take(&mut self, count: u32) -> u32 {
         let bits = (self.window >> 32 >> (32 - count)) as u32;
@@ -87,7 +119,7 @@ impl<'a> Bits<'a> {
         bits
     }
 
-    /// Takes one bit, of those that a refill got.
+    /// Takes one bit.
     #[inline(always)]
     pub(super) fn take_bit(&mut self) -> bool {
         self.refill();
@@ -97,61 +129,49 @@ impl<'a> Bits<'a> {
     /// Whether more bits were taken than there are.
     #[inline(always)]
     pub(super) fn ran_out(&self) -> bool {
-        self.n_bits < 0
-    }
-
-    /// Goes on after the next restart marker, which should be number `expected` (modulo 8). Without one
-    /// before the scan's end there is nothing to go on with.
-    pub(super) fn restart(&mut self, expected: usize) -> Option<Restart> {
-        loop {
-            let marker_at = next_marker(self.bytes, self.position)?;
-            let marker = self.bytes[marker_at + 1];
-            if !(0xD0..=0xD7).contains(&marker) {
-                self.position = marker_at;
-                return None;
-            }
-            *self = Self::new(self.bytes, marker_at + 2);
-            let n_lost = (usize::from(marker - 0xD0) + 8 - expected % 8) % 8;
-            // One that was expected a little earlier is late; others tell that something is missing.
-            if n_lost < 6 {
-                return Some(Restart { n_lost });
-            }
-        }
-    }
-
-    /// Where the data is read on: at a marker where it came to one.
-    pub(super) fn position(&self) -> usize {
-        self.position
+        8 * self.rest.len() + (self.n_bits as usize) < 8 * (PADDING.len() + self.n_beyond)
     }
 }
 
 /// Where the next marker is, at `position` or later.
-pub(super) fn next_marker(bytes: &[u8], position: usize) -> Option<usize> {
-    let rest = bytes.get(position..)?;
-    rest.windows(2)
-        .position(|pair| pair[0] == 0xFF && pair[1] != 0 && pair[1] != 0xFF)
-        .map(|idx| position + idx)
+pub(super) fn next_marker(bytes: &[u8], mut position: usize) -> Option<usize> {
+    loop {
+        position += first_ff(bytes.get(position..)?)?;
+        match bytes.get(position + 1)? {
+            0xFF => position += 1,
+            0 => position += 2,
+            _ => return Some(position),
+        }
+    }
 }
 
-/// Whether one of the bytes is 255.
-#[inline(always)]
-fn has_ff(word: u64) -> bool {
+/// Where the first byte of 255 is.
+fn first_ff(bytes: &[u8]) -> Option<usize> {
     const ONES: u64 = u64::from_ne_bytes([1; 8]);
     const HIGH: u64 = u64::from_ne_bytes([0x80; 8]);
-    // A byte of 255 is zero once it is inverted.
-    let inverted = !word;
-    inverted.wrapping_sub(ONES) & !inverted & HIGH != 0
+    let (chunks, rest) = bytes.as_chunks();
+    for (chunk_idx, &chunk) in chunks.iter().enumerate() {
+        // A byte of 255 is zero once it is inverted; the lowest that is found is one.
+        let inverted = !u64::from_le_bytes(chunk);
+        let found = inverted.wrapping_sub(ONES) & !inverted & HIGH;
+        if found != 0 {
+            return Some(8 * chunk_idx + found.trailing_zeros() as usize / 8);
+        }
+    }
+    rest.iter().position(|&byte| byte == 0xFF).map(|idx| 8 * chunks.len() + idx)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     #[test]
     fn stuffed_bytes_are_data_and_markers_end_it() {
         let bytes =
             [0x12, 0xFF, 0x00, 0x34, 0x56, 0x78, 0x9A, 0xBC, 0xDE, 0xFF, 0xFF, 0x00, 0x21, 0xFF, 0xD9];
-        let mut bits = Bits::new(&bytes, 0);
+        let mut stream = Stream::new(&bytes, 0);
+        let mut bits = stream.interval();
         let mut taken = Vec::new();
         for _ in 0..10 {
             bits.refill();
@@ -162,16 +182,54 @@ mod tests {
         bits.refill();
         assert_eq!(bits.take(1), 0);
         assert!(bits.ran_out());
-        assert_eq!((bits.position(), bits.restart(0)), (13, None));
+        assert_eq!((stream.position(), stream.restart(0)), (13, None));
     }
 
     #[test]
     fn restarts_tell_what_is_missing() {
         let bytes = [1, 0xFF, 0xD0, 2, 0xFF, 0xD3, 3, 0xFF, 0xD3, 4, 0xFF, 0xD9];
-        let mut bits = Bits::new(&bytes, 0);
-        assert_eq!(bits.restart(0), Some(Restart { n_lost: 0 }));
-        assert_eq!(bits.restart(1), Some(Restart { n_lost: 2 }));
+        let mut stream = Stream::new(&bytes, 0);
+        assert_eq!(stream.restart(0), Some(Restart { n_lost: 0 }));
+        assert_eq!(stream.restart(1), Some(Restart { n_lost: 2 }));
         // The same number once more is no longer expected.
-        assert_eq!(bits.restart(4), None);
+        assert_eq!(stream.restart(4), None);
+    }
+
+    /// The first marker and the data before it, byte by byte.
+    fn plain_interval(bytes: &[u8]) -> (Option<usize>, Vec<u8>) {
+        let (mut data, mut n_ff) = (Vec::new(), 0);
+        for (idx, &byte) in bytes.iter().enumerate() {
+            match byte {
+                0xFF => n_ff += 1,
+                0 if n_ff > 0 => (n_ff, data) = (0, [&data[..], &[0xFF]].concat()),
+                _ if n_ff > 0 => return (Some(idx - 1), data),
+                _ => data.push(byte),
+            }
+        }
+        (None, data)
+    }
+
+    proptest! {
+        #[test]
+        fn bits_are_those_of_bytes(
+            bytes in prop::collection::vec(prop::sample::select(vec![0u8, 1, 0x5A, 0x80, 0xFE, 0xFF]), 0..60),
+            counts in prop::collection::vec(1u32..=16, 0..60),
+        ) {
+            let (marker, data) = plain_interval(&bytes);
+            prop_assert_eq!(next_marker(&bytes, 0), marker);
+            let bit = |at: usize| u32::from(data.get(at / 8).is_some_and(|byte| byte >> (7 - at % 8) & 1 == 1));
+            let mut stream = Stream::new(&bytes, 0);
+            let mut bits = stream.interval();
+            let mut at = 0;
+            for count in counts {
+                bits.refill();
+                let expected = (0..count as usize).fold(0, |bits, idx| bits << 1 | bit(at + idx));
+                prop_assert_eq!(bits.peek(count), expected);
+                prop_assert_eq!(bits.take(count), expected);
+                at += count as usize;
+                prop_assert_eq!(bits.ran_out(), at > 8 * data.len());
+            }
+            prop_assert_eq!(next_marker(&bytes, stream.position()), marker);
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::{ImageError, unsupported};
 use super::{damaged, reduced};
-use crate::simd::{BLOCKS, BlockGroup, inverse_dct};
+use crate::simd::{Block, inverse_dct};
 use std::ops::Range;
 
 /// A frame: all that its components have in common.
@@ -49,7 +49,7 @@ pub(super) struct Component {
     /// The number of its quantization table.
     pub table_number: usize,
     /// Its quantization table, in reading order, from its first scan on.
-    pub quantization: Option<[i32; 64]>,
+    pub quantization: Option<[u16; 64]>,
     /// Whether its samples are wanted.
     pub is_wanted: bool,
     /// Whether it colors what is there without it: the picture is read as if it were not wanted, and has no
@@ -57,12 +57,10 @@ pub(super) struct Component {
     pub only_colors: bool,
     /// Blocks that hold pixels of the frame, across and down.
     pub n_blocks: [usize; 2],
-    /// The same with those that only fill up the last groups of blocks, and those that are transformed at
-    /// once.
+    /// The same with those that only fill up the last groups of blocks, and an even number across.
     pub n_padded: [usize; 2],
-    /// The coefficients of a row of blocks after the other; of as many as scans interleave, or of the whole
-    /// plane where the frame is progressive.
-    pub groups: Vec<BlockGroup>,
+    /// The coefficients of a row of blocks after the other, where the frame is progressive.
+    pub blocks: Vec<Block>,
     /// For each coefficient in zigzag order: the bits that are still to come, in a progressive frame.
     pub missing_bits: [Option<u8>; 64],
     /// Whether a scan brought its first coefficients.
@@ -126,8 +124,8 @@ impl Frame {
                     (width * factors.across).div_ceil(8 * largest.across),
                     (height * factors.down).div_ceil(8 * largest.down),
                 ],
-                n_padded: [(group[0] * factors.across).next_multiple_of(BLOCKS), group[1] * factors.down],
-                groups: Vec::new(),
+                n_padded: [(group[0] * factors.across).next_multiple_of(2), group[1] * factors.down],
+                blocks: Vec::new(),
                 missing_bits: [None; 64],
                 was_sent: false,
                 side: 8,
@@ -166,7 +164,7 @@ impl Frame {
         let planes = self.components.iter().filter(|&component| is_meant(component)).map(|component| {
             let [across, down] = component.n_padded.map(|n_blocks| n_blocks as u64);
             let rows_kept = if self.is_progressive { down } else { component.factors.down as u64 };
-            across * (down * (side * side) as u64 + rows_kept * (size_of::<BlockGroup>() / BLOCKS) as u64)
+            across * (down * (side * side) as u64 + rows_kept * size_of::<Block>() as u64)
         });
         planes.sum()
     }
@@ -175,7 +173,7 @@ impl Frame {
     pub(super) fn give_up_colors(&mut self) {
         for component in self.components.iter_mut().filter(|component| component.only_colors) {
             component.is_wanted = false;
-            component.groups = Vec::new();
+            component.blocks = Vec::new();
             component.samples = Vec::new();
         }
     }
@@ -184,9 +182,10 @@ impl Frame {
     pub(super) fn allocate(&mut self, side: usize) {
         for component in self.components.iter_mut().filter(|component| component.is_wanted) {
             let [across, down] = component.n_padded;
-            let rows_kept = if self.is_progressive { down } else { component.factors.down };
             component.side = side;
-            component.groups = vec![[[0; BLOCKS]; 64]; across / BLOCKS * rows_kept];
+            if self.is_progressive {
+                component.blocks = vec![[0; 64]; across * down];
+            }
             component.samples = vec![128; across * down * side * side];
         }
     }
@@ -214,47 +213,22 @@ impl Frame {
     }
 }
 
-/// One block of coefficients among its neighbors.
-pub(super) struct Block<'a> {
-    group: &'a mut BlockGroup,
-    lane: usize,
-}
-
-impl<'a> Block<'a> {
-    /// Block number `idx` of groups.
-    #[inline(always)]
-    pub(super) fn of(groups: &'a mut [BlockGroup], idx: usize) -> Self {
-        Self { group: &mut groups[idx / BLOCKS], lane: idx % BLOCKS }
-    }
-
-    /// The coefficient at a position in reading order.
-    #[inline(always)]
-    pub(super) fn at(&mut self, position: usize) -> &mut i16 {
-        &mut self.group[position][self.lane % BLOCKS]
-    }
-
-    /// Sets all coefficients to zero.
-    pub(super) fn clear(&mut self) {
-        (0..64).for_each(|position| *self.at(position) = 0);
-    }
-}
-
 impl Component {
     /// Whether there is no picture without it.
     pub(super) fn is_needed(&self) -> bool {
         self.is_wanted && !self.only_colors
     }
 
-    /// Turns kept rows of blocks into samples: `n_rows` of them, of which the first is `row` in the plane.
-    pub(super) fn transform(&mut self, row: usize, n_rows: usize) {
+    /// Turns rows of blocks into samples, of which the first is `row` in the plane.
+    pub(super) fn transform(&mut self, blocks: &[Block], row: usize) {
         let Some(quantization) = &self.quantization else { return };
         let (across, side) = (self.n_padded[0], self.side);
         let row_of_samples = across * side * side;
         let samples = self.samples.chunks_exact_mut(row_of_samples).skip(row);
-        for (groups, samples) in self.groups.chunks_exact(across / BLOCKS).zip(samples).take(n_rows) {
+        for (blocks, samples) in blocks.chunks_exact(across).zip(samples) {
             match side {
-                8 => inverse_dct(groups, quantization, samples),
-                _ => reduced::inverse_dct(groups, quantization, samples, side),
+                8 => inverse_dct(blocks, quantization, samples),
+                _ => reduced::inverse_dct(blocks, quantization, samples, side),
             }
         }
     }

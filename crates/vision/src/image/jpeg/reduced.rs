@@ -1,6 +1,6 @@
 //! Inverse cosine transforms to fewer samples, for frames that are read smaller.
 
-use crate::simd::{BLOCKS, BlockGroup};
+use crate::simd::Block;
 
 /// Bits of the fixed-point waves.
 const WAVE_BITS: u32 = 12;
@@ -23,26 +23,26 @@ const SINGLE: [[i32; 1]; 1] = [[ONE]];
 
 /// Turns a row of blocks into `side` rows of samples (1, 2 or 4), of the lowest frequencies alone. A row of
 /// samples is as long as all blocks are wide.
-pub(super) fn inverse_dct(groups: &[BlockGroup], quantization: &[i32; 64], samples: &mut [u8], side: usize) {
+pub(super) fn inverse_dct(blocks: &[Block], quantization: &[u16; 64], samples: &mut [u8], side: usize) {
     match side {
-        1 => inverse_dct_to(groups, quantization, samples, &SINGLE),
-        2 => inverse_dct_to(groups, quantization, samples, &TWO),
-        _ => inverse_dct_to(groups, quantization, samples, &FOUR),
+        1 => inverse_dct_to(blocks, quantization, samples, &SINGLE),
+        2 => inverse_dct_to(blocks, quantization, samples, &TWO),
+        _ => inverse_dct_to(blocks, quantization, samples, &FOUR),
     }
 }
 
 fn inverse_dct_to<const SIDE: usize>(
-    groups: &[BlockGroup],
-    quantization: &[i32; 64],
+    blocks: &[Block],
+    quantization: &[u16; 64],
     samples: &mut [u8],
     waves: &[[i32; SIDE]; SIDE],
 ) {
-    let stride = groups.len() * BLOCKS * SIDE;
-    for block_idx in 0..groups.len() * BLOCKS {
-        let (group, lane) = (&groups[block_idx / BLOCKS], block_idx % BLOCKS);
+    let stride = blocks.len() * SIDE;
+    for (block_idx, block) in blocks.iter().enumerate() {
         // Large coefficients of damaged streams must not leave the range of numbers.
-        let coefficient =
-            |idx: usize| i32::from(group[idx][lane]).saturating_mul(quantization[idx]).clamp(-32_768, 32_767);
+        let coefficient = |idx: usize| {
+            i32::from(block[idx]).saturating_mul(quantization[idx].into()).clamp(-32_768, 32_767)
+        };
         // Columns first: what is kept are whole numbers times 2^WAVE_BITS.
         let mut columns = [[0i64; SIDE]; SIDE];
         for (y, row) in columns.iter_mut().enumerate() {
@@ -64,15 +64,15 @@ fn inverse_dct_to<const SIDE: usize>(
 mod tests {
     use super::*;
 
-    /// The samples of the second of eight blocks.
-    fn transformed(coefficients: &[(usize, i16)], quantization: i32, side: usize) -> Vec<u8> {
-        let mut group = [[0; BLOCKS]; 64];
+    /// The samples of the second of two blocks.
+    fn transformed(coefficients: &[(usize, i16)], quantization: u16, side: usize) -> Vec<u8> {
+        let mut blocks = [[0; 64]; 2];
         for &(position, coefficient) in coefficients {
-            group[position][1] = coefficient;
+            blocks[1][position] = coefficient;
         }
-        let mut samples = vec![0; side * side * BLOCKS];
-        inverse_dct(&[group], &[quantization; 64], &mut samples, side);
-        samples.chunks(side * BLOCKS).flat_map(|row| &row[side..2 * side]).copied().collect()
+        let mut samples = vec![0; side * side * 2];
+        inverse_dct(&blocks, &[quantization; 64], &mut samples, side);
+        samples.chunks(side * 2).flat_map(|row| &row[side..2 * side]).copied().collect()
     }
 
     #[test]

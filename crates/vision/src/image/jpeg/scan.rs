@@ -1,9 +1,9 @@
 //! The walk through the blocks of a scan, from restart marker to restart marker.
 
-use super::bits::Bits;
-use super::blocks::{self, Part, Pass, State};
-use super::frame::{Block, Component, Frame, RowState};
-use crate::simd::BLOCKS;
+use super::bits::{Bits, Stream};
+use super::blocks::{Part, Pass, Sequential, State, progressive};
+use super::frame::{Frame, RowState};
+use crate::simd::Block;
 use std::ops::Range;
 
 /// A scan, as its header says.
@@ -58,18 +58,22 @@ pub(super) fn read(frame: &mut Frame, scan: &Scan, bytes: &[u8], position: usize
     let grid = Grid::of(frame, scan);
     let n_groups = grid.n_groups[0] * grid.n_groups[1];
     let interval = if scan.restart_interval == 0 { n_groups } else { scan.restart_interval };
-    let mut bits = Bits::new(bytes, position);
-    let mut walk = Walk { frame, scan, grid, row: 0 };
+    let mut stream = Stream::new(bytes, position);
+    let Some(strips) = strips(frame, scan, &grid) else {
+        frame.note(0..frame.height, RowState::Missing);
+        return position;
+    };
+    let mut walk = Walk { frame, scan, grid, strips, row: 0 };
     let (mut group, mut n_restarts) = (0, 0);
     loop {
         let end = (group + interval).min(n_groups);
-        let read_to = walk.segment(group..end, &mut bits);
+        let read_to = walk.segment(group..end, stream.interval());
         walk.miss(read_to..end);
         group = end;
         if group == n_groups {
             break;
         }
-        let Some(restart) = bits.restart(n_restarts) else {
+        let Some(restart) = stream.restart(n_restarts) else {
             walk.miss(group..n_groups);
             break;
         };
@@ -82,21 +86,82 @@ pub(super) fn read(frame: &mut Frame, scan: &Scan, bytes: &[u8], position: usize
         n_restarts += 1 + restart.n_lost;
     }
     walk.finish_row();
-    bits.position()
+    stream.position()
+}
+
+/// A row of groups of a sequential frame: what is kept of one component until it is transformed.
+struct Strip<'a> {
+    component_idx: usize,
+    reader: Sequential<'a>,
+    /// Blocks in a group, across and down.
+    size: [usize; 2],
+    /// Blocks in a row.
+    across: usize,
+    /// Where the blocks of a group lie from its first one on.
+    offsets: Vec<usize>,
+    /// The first coefficient of the last block.
+    last: i16,
+    /// Row after row, zeros where nothing was read; none where they are not wanted.
+    blocks: Vec<Block>,
+}
+
+/// Of each part, if the frame is sequential; `None` where one has no tables.
+fn strips<'a>(frame: &Frame, scan: &Scan<'a>, grid: &Grid) -> Option<Vec<Strip<'a>>> {
+    if frame.is_progressive {
+        return Some(Vec::new());
+    }
+    let strips = scan.parts.iter().zip(&grid.sizes).map(|(part, &size)| {
+        let component = &frame.components[part.component_idx];
+        let across = component.n_padded[0];
+        let n_blocks = if component.is_wanted { across * size[1] } else { 0 };
+        Some(Strip {
+            component_idx: part.component_idx,
+            reader: Sequential::new(part, component.is_wanted, component.only_colors)?,
+            size,
+            across,
+            offsets: (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| y * across + x)).collect(),
+            last: 0,
+            blocks: vec![[0; 64]; n_blocks],
+        })
+    });
+    strips.collect()
+}
+
+impl Strip<'_> {
+    /// Reads the blocks of a group; `None` where the data makes no sense.
+    #[inline(always)]
+    fn read(&mut self, column: usize, bits: &mut Bits) -> Option<()> {
+        let first = column * self.size[0];
+        for offset in &self.offsets {
+            self.reader.read(|| self.blocks.get_mut(first + offset), &mut self.last, bits)?;
+        }
+        Some(())
+    }
+
+    /// Makes the blocks of a group gray.
+    fn clear(&mut self, column: usize) {
+        let [across, _] = self.size;
+        for row in self.blocks.chunks_exact_mut(self.across) {
+            row[column * across..][..across].fill([0; 64]);
+        }
+    }
 }
 
 struct Walk<'a> {
     frame: &'a mut Frame,
     scan: &'a Scan<'a>,
     grid: Grid,
-    /// The row of groups whose blocks are kept, in a sequential frame.
+    /// Of each part, in a sequential frame.
+    strips: Vec<Strip<'a>>,
+    /// The row of groups that the strips hold.
     row: usize,
 }
 
 impl Walk<'_> {
     /// Reads groups up to the next restart marker; returns the first that could not be read.
-    fn segment(&mut self, groups: Range<usize>, bits: &mut Bits) -> usize {
+    fn segment(&mut self, groups: Range<usize>, mut bits: Bits) -> usize {
         let mut states = [State::default(); 4];
+        self.strips.iter_mut().for_each(|strip| strip.last = 0);
         let across = self.grid.n_groups[0];
         let (mut row, mut column) = (groups.start / across, groups.start % across);
         for group in groups.clone() {
@@ -104,8 +169,9 @@ impl Walk<'_> {
                 self.finish_row();
                 self.row = row;
             }
-            if self.group(row, column, &mut states, bits).is_none() || bits.ran_out() {
-                self.forget(column);
+            if self.group(column, &mut states, &mut bits).is_none() || bits.ran_out() {
+                // In a progressive frame what was read of it stays.
+                self.strips.iter_mut().for_each(|strip| strip.clear(column));
                 return group;
             }
             column += 1;
@@ -118,57 +184,30 @@ impl Walk<'_> {
 
     /// Reads the blocks of a group; `None` where the data makes no sense.
     #[inline(always)]
-    fn group(&mut self, row: usize, column: usize, states: &mut [State; 4], bits: &mut Bits) -> Option<()> {
-        let is_progressive = self.frame.is_progressive;
-        let parts = self.scan.parts.iter().zip(&self.grid.sizes).zip(states);
-        for ((part, &[across, down]), state) in parts {
+    fn group(&mut self, column: usize, states: &mut [State; 4], bits: &mut Bits) -> Option<()> {
+        if self.frame.is_progressive {
+            // A copy: what others know the address of does not stay in registers.
+            let mut own = *bits;
+            self.progressive_group(column, states, &mut own)?;
+            *bits = own;
+        }
+        self.strips.iter_mut().try_for_each(|strip| strip.read(column, bits))
+    }
+
+    #[inline(never)]
+    fn progressive_group(&mut self, column: usize, states: &mut [State; 4], bits: &mut Bits) -> Option<()> {
+        for ((part, &[across, down]), state) in self.scan.parts.iter().zip(&self.grid.sizes).zip(states) {
             let component = &mut self.frame.components[part.component_idx];
             for y in 0..down {
-                // All rows are kept in a progressive frame, else those of this row of groups.
-                let block_row = if is_progressive { row * down + y } else { y };
-                let first = block_row * component.n_padded[0] + column * across;
+                let first = (self.row * down + y) * component.n_padded[0] + column * across;
                 for idx in first..first + across {
-                    match (is_progressive, component.is_wanted) {
-                        (false, false) => blocks::pass_over(None, part, state, bits)?,
-                        (false, true) if component.only_colors => {
-                            let block = Block::of(&mut component.groups, idx);
-                            blocks::pass_over(Some(block), part, state, bits)?;
-                        }
-                        (false, true) => {
-                            let block = Block::of(&mut component.groups, idx);
-                            blocks::sequential(block, part, state, bits)?;
-                        }
-                        (true, is_wanted) => {
-                            let mut unwanted = [[[0; BLOCKS]; 64]];
-                            let block = if is_wanted {
-                                Block::of(&mut component.groups, idx)
-                            } else {
-                                Block::of(&mut unwanted, 0)
-                            };
-                            blocks::progressive(block, part, &self.scan.pass, state, bits)?;
-                        }
-                    }
+                    let mut unwanted = [0; 64];
+                    let block = if component.is_wanted { &mut component.blocks[idx] } else { &mut unwanted };
+                    progressive(block, part, &self.scan.pass, state, bits)?;
                 }
             }
         }
         Some(())
-    }
-
-    /// Makes the blocks of a group gray again that was read in part. In a progressive frame what was read
-    /// of it stays.
-    fn forget(&mut self, column: usize) {
-        if self.frame.is_progressive {
-            return;
-        }
-        for (part, &[across, down]) in self.scan.parts.iter().zip(&self.grid.sizes) {
-            let component = &mut self.frame.components[part.component_idx];
-            if component.is_wanted {
-                for y in 0..down {
-                    let first = y * component.n_padded[0] + column * across;
-                    (first..first + across).for_each(|idx| Block::of(&mut component.groups, idx).clear());
-                }
-            }
-        }
     }
 
     /// Notes groups that could not be read, unless they only color.
@@ -181,17 +220,12 @@ impl Walk<'_> {
         }
     }
 
-    /// Turns the kept row of groups into samples, and makes room for another.
+    /// Turns the strips into samples, and makes room for others.
     fn finish_row(&mut self) {
-        if self.frame.is_progressive {
-            return;
-        }
-        for (part, &[_, down]) in self.scan.parts.iter().zip(&self.grid.sizes) {
-            let component: &mut Component = &mut self.frame.components[part.component_idx];
-            if component.is_wanted {
-                component.transform(self.row * down, down);
-                component.groups.fill([[0; BLOCKS]; 64]);
-            }
+        for strip in self.strips.iter_mut().filter(|strip| !strip.blocks.is_empty()) {
+            let component = &mut self.frame.components[strip.component_idx];
+            component.transform(&strip.blocks, self.row * strip.size[1]);
+            strip.blocks.fill([0; 64]);
         }
     }
 }
