@@ -2,10 +2,13 @@
 //! bag of words, how often each occurs (Csurka et al., "Visual categorization with bags of keypoints", 2004).
 
 mod kmeans;
+mod pca;
 mod pooling;
+mod turn;
 mod vlad;
 
 pub(crate) use kmeans::cluster;
+pub(crate) use pca::PrincipalComponents;
 use pooling::Parts;
 pub use pooling::Pooling;
 

@@ -13,6 +13,7 @@
 )]
 
 mod bytes;
+mod clusters;
 #[cfg(target_arch = "x86_64")]
 mod cpu;
 mod dct;
@@ -23,21 +24,22 @@ mod nearest;
 mod pattern;
 mod plane;
 mod project;
+mod rows;
 mod sketches;
 
 pub use bytes::{ByteColumns, ByteRows, MAX_BYTES, Nearest};
+pub use clusters::{Assignment, GROUP, GroupedRows, MeasuredPoints, approach, reassign};
 pub use dct::{Block, inverse_dct};
 pub use dot::dot;
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
-pub use nearest::{
-    MeasuredRows, Nearness, ONE_PRODUCT, ROUNDING, UnitColumns, UnitRows, largest_products, nearest_columns,
-};
+pub use nearest::{MeasuredRows, Nearness, UnitColumns, largest_products, nearest_columns};
 pub use pattern::{
     CODE_BLOCK, COUNT_BLOCK, GRID_BLOCK, Grid, Taps, count_codes, interpolate_grid, mark_brighter,
 };
 pub use plane::{blur_columns, blur_row, gradients, mark_extrema};
 pub use project::LinearMap;
+pub use rows::{ONE, ONE_PRODUCT, ROUNDING, UnitRows};
 pub use sketches::{MAX_IN_COLUMN, SKETCH, SketchColumns, SketchRow, scores_at_least, sketch_scores};
 
 /// Defines `$name` as `$kernel`, compiled for the widest vectors that the CPU has.

@@ -14,7 +14,6 @@
 
 mod coding;
 mod lists;
-mod pca;
 mod recall;
 mod thin;
 mod words;

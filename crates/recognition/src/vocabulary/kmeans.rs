@@ -1,18 +1,22 @@
 //! k-means: Lloyd, "Least squares quantization in PCM", 1982, seeded as in Arthur and Vassilvitskii,
 //! "k-means++: the advantages of careful seeding", 2007.
 //!
-//! Work is split into blocks of a fixed number of rows whose sums are added in order, so that the result is
-//! the same for any number of threads.
+//! Rows are rounded to fixed point once, and all that follows is computed in whole numbers: the result is the same
+//! for any number of threads, and comparisons that cannot change it are left out.
 
 use super::VocabularyError;
+use super::turn::Turn;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use roomsight_vision::matrix::Matrix;
-use roomsight_vision::simd::{self, UnitColumns, UnitRows};
+use roomsight_vision::simd::{self, Assignment, GROUP, GroupedRows, MeasuredPoints, UnitRows};
 
 /// Rows that are worked on by one thread at a time.
 const BLOCK_ROWS: usize = 2048;
+
+/// Rows a cluster among which the first centers are drawn, where there are so many.
+const N_DRAWN_AMONG: usize = 16;
 
 /// `n_clusters` centers of the rows, none of which is longer than 1, after at most `max_rounds` rounds.
 pub(crate) fn cluster(
@@ -21,156 +25,204 @@ pub(crate) fn cluster(
     max_rounds: usize,
     random: &mut ChaCha8Rng,
 ) -> Result<Matrix, VocabularyError> {
-    let mut centers = spread_out_rows(rows, n_clusters, random)?;
-    let mut nearest = vec![u32::MAX; rows.n_rows()];
-    for _ in 0..max_rounds {
-        let before = nearest.clone();
-        assign(rows, &centers, &mut nearest);
-        if nearest == before {
-            break;
-        }
-        let farthest_first = empty_clusters_rows(rows, &centers, &nearest);
-        centers = means(rows, &nearest, &centers, &farthest_first);
+    if rows.n_rows() == 0 {
+        return Err(VocabularyError::TooFewDescriptors { found: 0, wanted: n_clusters });
     }
-    Ok(centers)
+    let turn = Turn::of(rows);
+    let points = turn.there(rows);
+    let some = every(&points, points.n_rows() / (N_DRAWN_AMONG * n_clusters));
+    let seeds = match spread_out_rows(some.clone(), n_clusters, random) {
+        // Too many of them are the same.
+        Err(_) => spread_out_rows(points.clone(), n_clusters, random)?,
+        Ok(seeds) => seeds,
+    };
+    let centers = settled(&MeasuredPoints::new(some), in_groups(&seeds), max_rounds);
+    Ok(turn.back(&settled(&MeasuredPoints::new(points), centers, max_rounds)))
+}
+
+/// Every so many of the rows.
+fn every(rows: &UnitRows, stride: usize) -> UnitRows {
+    let mut some = rows.none();
+    rows.rows().step_by(stride.max(1)).for_each(|row| some.push(row));
+    some
 }
 
 /// k-means++: each next center is a row drawn with probability proportional to its squared distance to the
 /// nearest center so far.
 fn spread_out_rows(
-    rows: &Matrix,
+    rows: UnitRows,
     n_clusters: usize,
     random: &mut ChaCha8Rng,
-) -> Result<Matrix, VocabularyError> {
-    let too_few = |found| VocabularyError::TooFewDescriptors { found, wanted: n_clusters };
-    if rows.n_rows() == 0 {
-        return Err(too_few(0));
-    }
-    let mut centers = Matrix::new(rows.n_cols());
-    let mut distances = vec![f32::INFINITY; rows.n_rows()];
-    let mut chosen = random.random_range(0..rows.n_rows());
+) -> Result<UnitRows, VocabularyError> {
+    let n_rows = rows.n_rows();
+    let mut centers = rows.none();
+    let points = GroupedRows::new(rows);
+    let mut distances = vec![i32::MAX; points.n_groups() * GROUP];
+    // Padding is never drawn.
+    distances[n_rows..].fill(0);
+    let mut chosen = random.random_range(0..n_rows);
     for n_chosen in 1..=n_clusters {
-        let center = rows.row(chosen).to_vec();
-        centers.push_row(&center);
+        let center = points.rows().row(chosen);
+        centers.push(center);
         if n_chosen == n_clusters {
             break;
         }
-        let block_sums: Vec<f64> = distances
-            .par_chunks_mut(BLOCK_ROWS)
-            .enumerate()
-            .map(|(block_idx, block)| {
-                for (offset, distance) in block.iter_mut().enumerate() {
-                    let row = rows.row(block_idx * BLOCK_ROWS + offset);
-                    *distance = distance.min(squared_distance(row, &center));
-                }
-                block.iter().map(|&distance| f64::from(distance)).sum()
-            })
-            .collect();
-        let total: f64 = block_sums.iter().sum();
-        if total <= 0.0 {
-            return Err(too_few(n_chosen));
+        simd::approach(&points, center, &mut distances);
+        let total: u64 = distances.iter().map(|&distance| distance as u64).sum();
+        if total == 0 {
+            return Err(VocabularyError::TooFewDescriptors { found: n_chosen, wanted: n_clusters });
         }
-        chosen = row_at(&distances, random.random::<f64>() * total);
+        chosen = row_at(&distances, random.random_range(0..total));
     }
     Ok(centers)
 }
 
-/// The row at which the running sum of the weights passes `target`; never one without weight.
-fn row_at(weights: &[f32], mut target: f64) -> usize {
-    let mut last_with_weight = 0;
-    for (row_idx, &weight) in weights.iter().enumerate().filter(|&(_, &weight)| weight > 0.0) {
-        last_with_weight = row_idx;
-        target -= f64::from(weight);
-        if target <= 0.0 {
+/// The row at which the running sum of the weights passes `target`, which is less than the sum of all.
+fn row_at(weights: &[i32], mut target: u64) -> usize {
+    let is_passed = |&weight: &i32| {
+        let is_passed = weight as u64 > target;
+        target = target.saturating_sub(weight as u64);
+        is_passed
+    };
+    weights.iter().position(is_passed).unwrap_or(0)
+}
+
+/// Centers in an order in which those of a group lie close together: halved again and again across the number in
+/// which they differ most.
+fn in_groups(centers: &UnitRows) -> UnitRows {
+    let mut order: Vec<usize> = (0..centers.n_rows()).collect();
+    halve(centers, &mut order);
+    let mut ordered = centers.none();
+    order.into_iter().for_each(|idx| ordered.push(centers.row(idx)));
+    ordered
+}
+
+fn halve(centers: &UnitRows, idxs: &mut [usize]) {
+    if idxs.len() <= GROUP {
+        return;
+    }
+    let number = |idx: usize, axis: usize| i64::from(centers.row(idx)[axis / 2][axis % 2]);
+    let spread = |axis: &usize| {
+        let numbers = || idxs.iter().map(|&idx| number(idx, *axis));
+        let (sum, squares) = (numbers().sum::<i64>(), numbers().map(|number| number * number).sum::<i64>());
+        squares - sum * sum / idxs.len() as i64
+    };
+    let axis = (0..2 * centers.row(0).len()).max_by_key(spread).unwrap_or(0);
+    idxs.sort_by_key(|&idx| number(idx, axis));
+    let (left, right) = idxs.split_at_mut((idxs.len() / 2).next_multiple_of(GROUP).min(idxs.len()));
+    halve(centers, left);
+    halve(centers, right);
+}
+
+/// Where these centers come to lie after at most so many rounds, of which each moves them to the means of the points that they are nearest
+/// to.
+fn settled(points: &MeasuredPoints, centers: UnitRows, max_rounds: usize) -> UnitRows {
+    let mut centers = GroupedRows::new(centers);
+    let (n_points, n_groups) = (points.rows().n_rows(), centers.n_groups());
+    let (mut nearest, mut distances) = (vec![0; n_points], vec![0; n_points]);
+    let mut bounds = vec![0; n_points * n_groups];
+    let mut drifts = vec![0; n_groups];
+    let mut clusters = Clusters::none(centers.rows());
+    for round in 0..max_rounds {
+        let before = nearest.clone();
+        nearest
+            .par_chunks_mut(BLOCK_ROWS)
+            .zip(distances.par_chunks_mut(BLOCK_ROWS))
+            .zip(bounds.par_chunks_mut(BLOCK_ROWS * n_groups))
+            .enumerate()
+            .for_each(|(block, ((nearest, distances), bounds))| {
+                let assignment = Assignment { nearest, distances, bounds };
+                simd::reassign(points, block * BLOCK_ROWS, &centers, &drifts, assignment);
+            });
+        for (idx, (&now, &before)) in nearest.iter().zip(&before).enumerate() {
+            if round == 0 {
+                clusters.join(now, points.rows().row(idx));
+            } else if now != before {
+                clusters.leave(before, points.rows().row(idx));
+                clusters.join(now, points.rows().row(idx));
+            }
+        }
+        if round > 0 && nearest == before {
             break;
         }
+        let farthest = farthest_points(&distances, clusters.n_empty());
+        let moved = clusters.means(farthest.into_iter().map(|idx| points.rows().row(idx)), centers.rows());
+        let before = std::mem::replace(&mut centers, GroupedRows::new(moved));
+        drifts = centers.drifts(before.rows());
     }
-    last_with_weight
+    centers.rows().clone()
 }
 
-fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
-    // Eight running sums, which the compiler turns into vector instructions.
-    let mut sums = [0.0f32; 8];
-    let (a_blocks, a_rest) = a.as_chunks::<8>();
-    let (b_blocks, b_rest) = b.as_chunks::<8>();
-    for (a, b) in a_blocks.iter().zip(b_blocks) {
-        for lane in 0..8 {
-            sums[lane] += (a[lane] - b[lane]) * (a[lane] - b[lane]);
-        }
-    }
-    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| (a - b) * (a - b)).sum();
-    sums.iter().sum::<f32>() + rest
-}
-
-/// Finds the nearest center of each row.
-fn assign(rows: &Matrix, centers: &Matrix, nearest: &mut [u32]) {
-    let columns = UnitColumns::new(centers);
-    let blocks = rows.as_slice().par_chunks(BLOCK_ROWS * rows.n_cols());
-    nearest.par_chunks_mut(BLOCK_ROWS).zip(blocks).for_each(|(nearest, rows)| {
-        simd::nearest_columns(&UnitRows::from_slice(rows, centers.n_cols()), &columns, nearest);
-    });
-}
-
-/// For each cluster without rows one row far from its own center, the farthest first.
-fn empty_clusters_rows(rows: &Matrix, centers: &Matrix, nearest: &[u32]) -> Vec<usize> {
-    let mut occupied = vec![false; centers.n_rows()];
-    nearest.iter().for_each(|&cluster| occupied[cluster as usize] = true);
-    let n_empty = occupied.iter().filter(|&&occupied| !occupied).count();
-    if n_empty == 0 {
+/// The points that are farthest from their centers, the farthest first.
+fn farthest_points(distances: &[i32], n_wanted: usize) -> Vec<usize> {
+    if n_wanted == 0 {
         return Vec::new();
     }
-    let distance =
-        |row_idx: usize| squared_distance(rows.row(row_idx), centers.row(nearest[row_idx] as usize));
-    let mut by_distance: Vec<usize> = (0..rows.n_rows()).collect();
-    by_distance.sort_by_cached_key(|&row_idx| std::cmp::Reverse(distance(row_idx).to_bits()));
-    by_distance.truncate(n_empty);
+    let mut by_distance: Vec<usize> = (0..distances.len()).collect();
+    by_distance.sort_by_key(|&idx| std::cmp::Reverse(distances[idx]));
+    by_distance.truncate(n_wanted);
     by_distance
 }
 
-/// The mean of each cluster's rows; a cluster without any moves to the next of `replacements`.
-fn means(rows: &Matrix, nearest: &[u32], centers: &Matrix, replacements: &[usize]) -> Matrix {
-    let width = rows.n_cols();
-    let (sums, counts) = nearest
-        .par_chunks(BLOCK_ROWS * 8)
-        .enumerate()
-        .map(|(block_idx, block)| {
-            let mut sums = vec![0.0f64; centers.n_rows() * width];
-            let mut counts = vec![0usize; centers.n_rows()];
-            for (offset, &cluster) in block.iter().enumerate() {
-                let row = rows.row(block_idx * BLOCK_ROWS * 8 + offset);
-                let sum = &mut sums[cluster as usize * width..][..width];
-                sum.iter_mut().zip(row).for_each(|(sum, &value)| *sum += f64::from(value));
-                counts[cluster as usize] += 1;
-            }
-            (sums, counts)
-        })
-        // Collected first, then added in the order of the blocks.
-        .collect::<Vec<_>>()
-        .into_iter()
-        .reduce(|(mut sums, mut counts), (more_sums, more_counts)| {
-            sums.iter_mut().zip(more_sums).for_each(|(sum, more)| *sum += more);
-            counts.iter_mut().zip(more_counts).for_each(|(count, more)| *count += more);
-            (sums, counts)
-        })
-        .unwrap_or_default();
-    let mut replacements = replacements.iter();
-    let mut moved = Matrix::new(width);
-    for (cluster, &count) in counts.iter().enumerate() {
-        if count > 0 {
-            let mean = sums[cluster * width..][..width].iter().map(|sum| (sum / count as f64) as f32);
-            moved.push_row(&mean.collect::<Vec<_>>());
-        } else {
-            let replacement = replacements.next().map_or(centers.row(cluster), |&row_idx| rows.row(row_idx));
-            moved.push_row(replacement);
-        }
+/// The sums of the points of each cluster.
+struct Clusters {
+    sums: Vec<i64>,
+    counts: Vec<i64>,
+    width: usize,
+}
+
+impl Clusters {
+    /// As many as there are centers, all empty.
+    fn none(centers: &UnitRows) -> Self {
+        let width = centers.row(0).len() * 2;
+        Self { sums: vec![0; centers.n_rows() * width], counts: vec![0; centers.n_rows()], width }
     }
-    moved
+
+    fn join(&mut self, cluster: u32, point: &[[i16; 2]]) {
+        self.counts[cluster as usize] += 1;
+        let sums = &mut self.sums[cluster as usize * self.width..][..self.width];
+        sums.iter_mut().zip(point.as_flattened()).for_each(|(sum, &number)| *sum += i64::from(number));
+    }
+
+    fn leave(&mut self, cluster: u32, point: &[[i16; 2]]) {
+        self.counts[cluster as usize] -= 1;
+        let sums = &mut self.sums[cluster as usize * self.width..][..self.width];
+        sums.iter_mut().zip(point.as_flattened()).for_each(|(sum, &number)| *sum -= i64::from(number));
+    }
+
+    fn n_empty(&self) -> usize {
+        self.counts.iter().filter(|&&count| count == 0).count()
+    }
+
+    /// The mean of each cluster; one without points moves to the next of `replacements`, or stays.
+    fn means<'a>(
+        &self,
+        mut replacements: impl Iterator<Item = &'a [[i16; 2]]>,
+        centers: &'a UnitRows,
+    ) -> UnitRows {
+        let mut means = centers.none();
+        for (cluster, (sums, &count)) in self.sums.chunks_exact(self.width).zip(&self.counts).enumerate() {
+            if count > 0 {
+                let mean: Vec<[i16; 2]> = sums
+                    .as_chunks::<2>()
+                    .0
+                    .iter()
+                    .map(|pair| pair.map(|sum| (sum + count / 2).div_euclid(count) as i16))
+                    .collect();
+                means.push(&mean);
+            } else {
+                means.push(replacements.next().unwrap_or_else(|| centers.row(cluster)));
+            }
+        }
+        means
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::SeedableRng;
+    use proptest::prelude::*;
+    use rand::{Rng, SeedableRng};
 
     fn random(seed: u64) -> ChaCha8Rng {
         ChaCha8Rng::seed_from_u64(seed)
@@ -184,6 +236,10 @@ mod tests {
             rows.push_row(&std::array::from_fn::<f32, 3, _>(|_| center + 0.01 * random.random::<f32>()));
         }
         rows
+    }
+
+    fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+        a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
     }
 
     /// Sum of squared distances to the nearest center, naively.
@@ -230,15 +286,72 @@ mod tests {
         assert!(cluster(&Matrix::new(2), 1, 10, &mut random(5)).is_err());
     }
 
+    /// As [`settled`], by the book.
+    fn plainly_settled(points: &UnitRows, mut centers: UnitRows, max_rounds: usize) -> UnitRows {
+        let wide = |row: &[[i16; 2]]| row.as_flattened().iter().map(|&n| i64::from(n)).collect::<Vec<i64>>();
+        let distance = |a: &[[i16; 2]], b: &[[i16; 2]]| -> i64 {
+            wide(a).iter().zip(wide(b)).map(|(a, b)| (a - b) * (a - b)).sum()
+        };
+        let mut nearest = vec![usize::MAX; points.n_rows()];
+        for _ in 0..max_rounds {
+            let before = nearest.clone();
+            for (nearest, point) in nearest.iter_mut().zip(points.rows()) {
+                let of = |&idx: &usize| distance(point, centers.row(idx));
+                *nearest = (0..centers.n_rows()).min_by_key(of).unwrap();
+            }
+            if nearest == before {
+                break;
+            }
+            let mut far: Vec<usize> = (0..points.n_rows()).collect();
+            far.sort_by_key(|&idx| -distance(points.row(idx), centers.row(nearest[idx])));
+            let mut far = far.into_iter();
+            let mut moved = centers.none();
+            for cluster in 0..centers.n_rows() {
+                let of: Vec<Vec<i64>> = (0..points.n_rows())
+                    .filter(|&idx| nearest[idx] == cluster)
+                    .map(|idx| wide(points.row(idx)))
+                    .collect();
+                if of.is_empty() {
+                    moved.push(far.next().map_or(centers.row(cluster), |idx| points.row(idx)));
+                    continue;
+                }
+                let mean = |axis: usize| {
+                    let sum = of.iter().map(|row| row[axis]).sum::<i64>() as f64;
+                    (sum / of.len() as f64 + 0.5).floor() as i16
+                };
+                let n_pairs = points.row(0).len();
+                moved
+                    .push(&(0..n_pairs).map(|pair| [mean(2 * pair), mean(2 * pair + 1)]).collect::<Vec<_>>());
+            }
+            centers = moved;
+        }
+        centers
+    }
+
+    proptest! {
+        /// Points of few distinct values are as far from several centers, and leave others without any.
+        #[test]
+        fn centers_settle_as_without_bounds(
+            n_points in 1usize..300, n_centers in 1usize..70, width in 1usize..30, n_values in 2i16..200,
+            n_rounds in 1usize..12, seed in any::<u64>(),
+        ) {
+            let mut random = random(seed);
+            let scale = 1.0 / (f32::from(n_values) * (width as f32).sqrt());
+            let mut rows = |n: usize| {
+                let values: Vec<f32> =
+                    (0..n * width).map(|_| f32::from(random.random_range(-n_values..=n_values)) * scale).collect();
+                UnitRows::from_slice(&values, width)
+            };
+            let (points, centers) = (rows(n_points), rows(n_centers));
+            let expected = plainly_settled(&points, centers.clone(), n_rounds);
+            prop_assert_eq!(settled(&MeasuredPoints::new(points), centers, n_rounds), expected);
+        }
+    }
+
     #[test]
     fn a_cluster_that_loses_its_rows_takes_a_far_one() {
-        let rows = Matrix::from_vec(vec![0.0, 0.1, 0.2, 0.7], 1).unwrap();
-        let centers = Matrix::from_vec(vec![0.1, -0.9], 1).unwrap();
-        let mut nearest = [1; 4];
-        assign(&rows, &centers, &mut nearest);
-        assert_eq!(nearest, [0; 4]);
-        let replacements = empty_clusters_rows(&rows, &centers, &nearest);
-        assert_eq!(replacements, [3]);
-        assert_eq!(means(&rows, &nearest, &centers, &replacements).row(1), [0.7]);
+        let fixed = |values: &[f32]| UnitRows::from_slice(values, 1);
+        let moved = settled(&MeasuredPoints::new(fixed(&[0.0, 0.1, 0.2, 0.7])), fixed(&[0.1, -0.9]), 1);
+        assert_eq!(moved.row(1), fixed(&[0.7]).row(0));
     }
 }

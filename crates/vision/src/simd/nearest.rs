@@ -4,97 +4,18 @@ mod among;
 
 pub use among::{MeasuredRows, Nearness};
 
-use super::{dispatch, with_instructions};
+use super::rows::{UnitRows, product};
+use super::with_instructions;
 use crate::matrix::Matrix;
 
-/// One in the fixed-point numbers: the products of vectors of unit length then fit 32 bits.
-const ONE: f32 = 16_384.0;
-
-/// How far rounding to fixed point moves a number, at most.
-pub const ROUNDING: f32 = 0.5 / ONE;
-
-/// The fixed-point product that stands for one.
-pub const ONE_PRODUCT: i32 = 1 << 28;
-
 /// Stands for the squared length of padding: so large that it is never nearest.
-const PADDING: i32 = i32::MAX / 2;
+pub(super) const PADDING: i32 = i32::MAX / 2;
 
 /// Columns that are worked on at once.
-const COLUMN_BLOCK: usize = 16;
+pub(super) const COLUMN_BLOCK: usize = 16;
 
 /// Rows that are worked on at once.
 const ROW_BLOCK: usize = 4;
-
-/// Vectors of at most unit length, rounded to the nearest fixed-point numbers, halves away from zero. Numbers lie two by two,
-/// as they are multiplied; a row of odd length ends with a zero.
-#[derive(Clone, Debug)]
-pub struct UnitRows {
-    pairs: Vec<[i16; 2]>,
-    n_pairs_a_row: usize,
-}
-
-impl UnitRows {
-    /// The rows of `matrix`, none of which is longer than 1.
-    pub fn new(matrix: &Matrix) -> Self {
-        Self::from_slice(matrix.as_slice(), matrix.n_cols())
-    }
-
-    /// Rows of `n_cols` numbers that lie one after the other in `values`, none of which is longer than 1.
-    pub fn from_slice(values: &[f32], n_cols: usize) -> Self {
-        let n_pairs_a_row = n_cols.div_ceil(2);
-        let n_rows = values.len().checked_div(n_cols).unwrap_or(0);
-        let mut pairs = vec![[0; 2]; n_rows * n_pairs_a_row];
-        round_rows(values, n_cols, pairs.as_flattened_mut());
-        Self { pairs, n_pairs_a_row }
-    }
-
-    /// The number of rows.
-    pub fn n_rows(&self) -> usize {
-        self.pairs.len().checked_div(self.n_pairs_a_row).unwrap_or(0)
-    }
-}
-
-dispatch! {
-    /// Rounds rows of `n_cols` values to fixed point, each into a row of an even number of `numbers`.
-    round_rows, round_rows_kernel, (values: &[f32], n_cols: usize, numbers: &mut [i16])
-}
-
-#[inline(always)]
-fn round_rows_kernel(values: &[f32], n_cols: usize, numbers: &mut [i16]) {
-    if n_cols.is_multiple_of(2) {
-        return round_row(values, numbers);
-    }
-    for (row, numbers) in values.chunks_exact(n_cols).zip(numbers.chunks_exact_mut(n_cols + 1)) {
-        round_row(row, numbers);
-    }
-}
-
-#[inline(always)]
-fn round_row(values: &[f32], numbers: &mut [i16]) {
-    let n = values.len().min(numbers.len());
-    let (values, rest) = values[..n].as_chunks::<COLUMN_BLOCK>();
-    let (numbers, of_rest) = numbers[..n].as_chunks_mut::<COLUMN_BLOCK>();
-    for (values, numbers) in values.iter().zip(numbers) {
-        for lane in 0..COLUMN_BLOCK {
-            numbers[lane] = fixed(values[lane]);
-        }
-    }
-    of_rest.iter_mut().zip(rest).for_each(|(number, &value)| *number = fixed(value));
-}
-
-/// The nearest fixed-point number, halves away from zero; the last one beyond the range, 0 for what is no number.
-#[inline(always)]
-fn fixed(value: f32) -> i16 {
-    let sum = value * ONE + 0.5f32.copysign(value);
-    let (least, most) = (f32::from(i16::MIN), f32::from(i16::MAX));
-    // Comparisons that vectors have instructions for, which a conversion that saturates has not.
-    let sum = if sum > least { sum } else { least };
-    let sum = if sum < most { sum } else { most };
-    // SAFETY: within the range, as what is no number is not larger than the least.
-    let number = unsafe { sum.to_int_unchecked::<i32>() };
-    let is_number = i32::from(!value.is_nan()).wrapping_neg();
-    (number & is_number) as i16
-}
 
 /// The rows of a matrix laid out as columns, for [`nearest_columns`] and [`largest_products`].
 #[derive(Clone, Debug)]
@@ -125,12 +46,6 @@ impl UnitColumns {
     }
 }
 
-/// The product of two pairs. Vectors that are too long give wrong distances, but no overflow.
-#[inline(always)]
-fn product(a: [i16; 2], b: [i16; 2]) -> i32 {
-    (i32::from(a[0]) * i32::from(b[0])).wrapping_add(i32::from(a[1]) * i32::from(b[1]))
-}
-
 /// The nearest column of each row, by the distance of the fixed-point vectors, ties to the first, into
 /// `nearest`; `rows` holds as many.
 ///
@@ -158,7 +73,7 @@ pub fn largest_products(rows: &UnitRows, columns: &UnitColumns, of_rows: &mut [i
 }
 
 /// Instructions that multiply pairs and add the products. Who has a value may execute them.
-trait Instructions: Copy {
+pub(super) trait Instructions: Copy {
     /// Running products of one row with [`COLUMN_BLOCK`] columns.
     type Sums: Copy;
 
@@ -172,7 +87,7 @@ trait Instructions: Copy {
 
 /// Those that every CPU has.
 #[derive(Clone, Copy)]
-struct Plain;
+pub(super) struct Plain;
 
 impl Instructions for Plain {
     type Sums = [i32; COLUMN_BLOCK];

@@ -1,7 +1,7 @@
 //! Descriptors to bytes.
 
 use super::MemoryError;
-use super::pca::PrincipalComponents;
+use crate::vocabulary::PrincipalComponents;
 use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;

@@ -1,7 +1,7 @@
 //! The nearest of a few vectors.
 
-use super::{UnitRows, product};
 use crate::simd::dispatch;
+use crate::simd::rows::{UnitRows, product_of_rows};
 
 /// One of many vectors, and how near it is: 2 row . vector - |vector|^2 in fixed point, larger where nearer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -10,18 +10,6 @@ pub struct Nearness {
     pub idx: u32,
     /// In units of 2^-28.
     pub score: i32,
-}
-
-impl UnitRows {
-    /// The squared length of each row, in fixed point.
-    pub fn squared_lengths(&self) -> Vec<i32> {
-        let rows = self.pairs.chunks_exact(self.n_pairs_a_row.max(1));
-        rows.map(|row| row.iter().fold(0i32, |sum, &pair| sum.wrapping_add(product(pair, pair)))).collect()
-    }
-
-    pub(super) fn row(&self, row_idx: usize) -> &[[i16; 2]] {
-        &self.pairs[row_idx * self.n_pairs_a_row..][..self.n_pairs_a_row]
-    }
 }
 
 /// Vectors of at most unit length with their squared lengths.
@@ -63,11 +51,8 @@ dispatch! {
 
 #[inline(always)]
 fn nearest_among_kernel(all: &MeasuredRows, row: &[[i16; 2]], candidates: &[u32], nearest: &mut Nearness) {
-    let row = row.as_flattened();
     for &idx in candidates {
-        let other = all.rows.row(idx as usize).as_flattened();
-        let product =
-            row.iter().zip(other).fold(0i32, |sum, (&a, &b)| sum.wrapping_add(i32::from(a) * i32::from(b)));
+        let product = product_of_rows(row, all.rows.row(idx as usize));
         let score = product.wrapping_mul(2).wrapping_sub(all.squared_lengths[idx as usize]);
         if score > nearest.score || (score == nearest.score && idx < nearest.idx) {
             *nearest = Nearness { idx, score };

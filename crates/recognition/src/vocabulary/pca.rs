@@ -6,17 +6,17 @@ use roomsight_vision::matrix::{Covariance, Matrix};
 const MAX_ROUNDS: usize = 30;
 
 /// The mean of rows and the directions round it, the one of largest variance first.
-pub(super) struct PrincipalComponents {
-    pub(super) mean: Vec<f64>,
+pub(crate) struct PrincipalComponents {
+    pub(crate) mean: Vec<f64>,
     /// One a row, of unit length, as many as the rows have columns.
-    pub(super) directions: Vec<Vec<f64>>,
+    pub(crate) directions: Vec<Vec<f64>>,
     /// Of each direction.
-    pub(super) variances: Vec<f64>,
+    pub(crate) variances: Vec<f64>,
 }
 
 impl PrincipalComponents {
     /// Of at least one row.
-    pub(super) fn of(rows: &Matrix) -> Self {
+    pub(crate) fn of(rows: &Matrix) -> Self {
         let Covariance { mean, values } = Covariance::of(rows);
         let (variances, directions) = eigenvectors(values);
         Self { mean, directions, variances }
