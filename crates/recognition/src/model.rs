@@ -404,4 +404,4 @@ impl Recognition {
 const EVEN: f32 = 0.5;
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

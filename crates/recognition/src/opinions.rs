@@ -337,6 +337,16 @@ impl Learner<'_> {
             }
         })
     }
+
+    /// What one of those that it trained says of one of the same frames.
+    pub(crate) fn answer(&self, trained: &Trained, frames: &[&Seen], frame_idx: usize) -> Option<Said> {
+        match (self, trained) {
+            (Self::Machines(_, prepared), Trained::Machines(machines)) => {
+                machines.answer_prepared(prepared, frames, frame_idx)
+            }
+            _ => trained.answer(frames[frame_idx]),
+        }
+    }
 }
 
 impl Trained {

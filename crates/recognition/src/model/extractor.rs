@@ -254,7 +254,9 @@ impl Scaled<'_> {
         descriptor: &Descriptor,
         space: &mut ScaleSpace,
     ) -> LocalFeatures {
-        let keypoints = detector.detect_with(self.frame, self.view, space);
+        let mut keypoints = detector.detect_with(self.frame, self.view, space);
+        // Training keeps them, and the room of the many that were weaker would be half of what it keeps.
+        keypoints.shrink_to_fit();
         let descriptors = match descriptor {
             // The costly part of both, built once.
             Descriptor::Sift(sift) if detector.levels().is_some() => {

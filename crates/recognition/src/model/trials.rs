@@ -368,7 +368,10 @@ impl<'a> Trials<'a> {
         let n_rooms = self.rooms.len();
         let decide_elsewhere = |&idx: &usize| {
             let said = self.opinions.iter().zip(&fitted);
-            let said = said.map(|(tried, fitted)| fitted.says(tried, tried.seen_elsewhere[idx], n_rooms));
+            let says = |(tried, fitted): (&Tried, &Fitted)| {
+                fitted.says(tried, fitted.trained.answer(tried.seen_elsewhere[idx]), n_rooms)
+            };
+            let said = said.map(says);
             // It shows no room: any will do, and all in turn, so that forgetting one forgets few of these.
             let decided = Decided { label: idx % n_rooms, said: said.collect() };
             RoundDecision { fold, decided, is_new: true }
@@ -421,7 +424,7 @@ impl Tried<'_> {
 
     /// What it says of a sample, among all rooms, when it was trained so.
     fn answer(&self, fitted: &Fitted, sample_idx: usize, n_rooms: usize) -> Option<Said> {
-        fitted.says(self, self.seen[sample_idx], n_rooms)
+        fitted.says(self, self.learner.answer(&fitted.trained, &self.seen, sample_idx), n_rooms)
     }
 }
 
@@ -433,9 +436,9 @@ struct Fitted {
 }
 
 impl Fitted {
-    /// What an opinion that was trained so says of a frame, among all rooms.
-    fn says(&self, tried: &Tried, seen: &Seen, n_rooms: usize) -> Option<Said> {
-        let said = self.trained.answer(seen)?;
+    /// What an opinion that was trained so said, among all rooms.
+    fn says(&self, tried: &Tried, said: Option<Said>, n_rooms: usize) -> Option<Said> {
+        let said = said?;
         let values = spread_out(tried.config.way(), &self.present, n_rooms, &said.values);
         Some(said.with_values(values))
     }

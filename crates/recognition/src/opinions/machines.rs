@@ -1,7 +1,9 @@
 //! Machines over the local features of a frame: its bag of words, or its descriptors themselves.
 
+mod clues;
 mod file;
 
+use clues::keypoint_weights;
 pub(crate) use file::LinearArrays;
 
 use crate::classify::boost::Boost;
@@ -207,8 +209,8 @@ enum Kind {
     /// not hold it.
     Kernel(Vocabulary, KernelSvm, Vec<usize>),
     Boost(Vocabulary, Boost),
-    /// Sees the descriptors themselves.
-    Match(MatchSvm),
+    /// Sees the descriptors themselves. With the training frame that each support frame was; empty where a file was read.
+    Match(MatchSvm, Vec<usize>),
 }
 
 impl Recognizer for Machines {
@@ -243,8 +245,9 @@ impl Recognizer for Machines {
                 return Err(mismatch());
             };
             let gram = among(gram, chosen.frame_idxs);
-            let svm = MatchSvm::train_over(&descriptors, &gram, labels, n_classes, config)?;
-            return with(Kind::Match(svm), KeptRows::default());
+            let (svm, support_idxs) = MatchSvm::train_over(&descriptors, &gram, labels, n_classes, config)?;
+            let support_idxs = support_idxs.into_iter().map(|idx| chosen.frame_idxs[idx]).collect();
+            return with(Kind::Match(svm, support_idxs), KeptRows::default());
         };
         let frames: Vec<Described> = local.iter().map(|local| local.described()).collect();
         let vocabulary = Vocabulary::train(&frames, bag, prepared.seed)?;
@@ -273,10 +276,9 @@ impl Recognizer for Machines {
             Kind::Linear(vocabulary, svm) => svm.decision_values(&vocabulary.row(local.described())),
             Kind::Kernel(vocabulary, svm, _) => svm.decision_values(&vocabulary.row(local.described())),
             Kind::Boost(vocabulary, boost) => boost.decision_values(&vocabulary.row(local.described())),
-            Kind::Match(svm) => svm.decision_values(&local.descriptors),
+            Kind::Match(svm, _) => svm.decision_values(&local.descriptors),
         };
-        let signs = signs_of(&values).to_vec();
-        Some(Said { values, signs })
+        Some(said(values))
     }
 
     fn nearest(&self, seen: &Seen, n_frames: usize) -> Vec<Near> {
@@ -295,7 +297,7 @@ impl Recognizer for Machines {
             Kind::Kernel(_, _, support_labels) if support_labels.is_empty() => Err(AddError::NothingKept),
             Kind::Kernel(..) => Ok(()),
             Kind::Boost(..) => Err(AddError::Classifier { classifier: "boost" }),
-            Kind::Match(_) => Err(AddError::Classifier { classifier: "match_svm" }),
+            Kind::Match(..) => Err(AddError::Classifier { classifier: "match_svm" }),
         }
     }
 
@@ -372,12 +374,12 @@ impl Recognizer for Machines {
             Kind::Linear(_, svm) => svm.n_support_vectors().to_vec(),
             Kind::Kernel(_, svm, _) => of_dual(svm.machines()),
             Kind::Boost(..) => Vec::new(),
-            Kind::Match(svm) => of_dual(svm.machines()),
+            Kind::Match(svm, _) => of_dual(svm.machines()),
         };
         let n_kept = match &self.kind {
             Kind::Linear(..) => self.kept.n_rows(),
             Kind::Kernel(_, svm, _) => svm.support_vectors().n_rows(),
-            Kind::Boost(..) | Kind::Match(_) => 0,
+            Kind::Boost(..) | Kind::Match(..) => 0,
         };
         Size { n_words: self.kind.vocabulary().map(Vocabulary::n_words), n_support_vectors, n_kept }
     }
@@ -399,6 +401,25 @@ impl Machines {
     }
 }
 
+impl Machines {
+    /// What they say of frame `frame_idx` of those that they were prepared with. How alike sets of descriptors are was
+    /// computed for all pairs of these, which takes most of the time of training.
+    pub(crate) fn answer_prepared(
+        &self,
+        prepared: &Prepared,
+        frames: &[&Seen],
+        frame_idx: usize,
+    ) -> Option<Said> {
+        let (Kind::Match(svm, support_idxs), Some(gram)) = (&self.kind, &prepared.gram) else {
+            return self.answer(frames[frame_idx]);
+        };
+        frames[frame_idx].descriptors()?;
+        let row = gram.row(frame_idx);
+        let kernel_values: Vec<f32> = support_idxs.iter().map(|&idx| row[idx]).collect();
+        Some(said(svm.machines().decision_values(&kernel_values)))
+    }
+}
+
 impl Kind {
     /// `None` for machines that see no words.
     fn vocabulary(&self) -> Option<&Vocabulary> {
@@ -406,9 +427,15 @@ impl Kind {
             Self::Linear(vocabulary, _) | Self::Kernel(vocabulary, ..) | Self::Boost(vocabulary, _) => {
                 Some(vocabulary)
             }
-            Self::Match(_) => None,
+            Self::Match(..) => None,
         }
     }
+}
+
+/// What decision values say.
+fn said(values: Vec<f32>) -> Said {
+    let signs = signs_of(&values).to_vec();
+    Said { values, signs }
 }
 
 /// The local features of each frame.
@@ -422,44 +449,6 @@ fn forgotten(error: SvmError) -> AddError {
         SvmError::Labeled(LabeledError::EmptyClass { class_idx }) => AddError::ForgottenClass { class_idx },
         error => AddError::Svm(error),
     }
-}
-
-/// How much each keypoint of a frame with these words adds to the decision value of a room: an equal share of what
-/// each block of the frame's row adds that it counts in.
-fn keypoint_weights(
-    vocabulary: &Vocabulary,
-    svm: &LinearSvm,
-    frame: &LocalFeatures,
-    words: &[u32],
-    room_idx: usize,
-) -> Vec<f32> {
-    let row = vocabulary.row_of_words(frame.described(), words);
-    let width = vocabulary.block_width();
-    let blocks = || words.iter().zip(&frame.spots).map(|(&word, &spot)| vocabulary.blocks(word, spot));
-    let mut counts = vec![0.0; row.len() / width];
-    blocks().flatten().for_each(|block| counts[block] += 1.0);
-    let share = |block: usize| {
-        let added_by = |column: usize| {
-            let signed = signed_machines(svm, room_idx);
-            let sum: f32 = signed.map(|(machine, sign)| sign * svm.weights().row(machine)[column]).sum();
-            sum * row[column]
-        };
-        (block * width..(block + 1) * width).map(added_by).sum::<f32>() / f32::max(counts[block], 1.0)
-    };
-    let shares: Vec<f32> = (0..counts.len()).map(share).collect();
-    blocks().map(|blocks| blocks.map(|block| shares[block]).sum()).collect()
-}
-
-/// The machines that speak of a room, and whether their positive side is it.
-fn signed_machines(svm: &LinearSvm, room_idx: usize) -> impl Iterator<Item = (usize, f32)> {
-    let n_rooms = svm.n_classes();
-    let one_vs_all = (svm.scheme() == Scheme::OneVsAll).then_some((room_idx, 1.0));
-    let pairs = (0..n_rooms).flat_map(move |a| (a + 1..n_rooms).map(move |b| (a, b))).enumerate();
-    let one_vs_one = pairs.filter_map(move |(machine, (a, b))| {
-        let sign = if a == room_idx { 1.0 } else { -1.0 };
-        (one_vs_all.is_none() && (a == room_idx || b == room_idx)).then_some((machine, sign))
-    });
-    one_vs_all.into_iter().chain(one_vs_one)
 }
 
 /// The bag of each frame: one row a frame.
@@ -484,3 +473,6 @@ fn among(gram: &Matrix, frame_idxs: &[usize]) -> Matrix {
 fn mismatch() -> TrainError {
     TrainError::Config("this classifier does not see this representation".to_owned())
 }
+
+#[cfg(test)]
+mod tests;

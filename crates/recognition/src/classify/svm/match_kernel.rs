@@ -89,7 +89,7 @@ impl DescriptorSet {
     }
 
     /// The match kernel of two sets that were made for `inner`, of descriptors of the same length. The same
-    /// with the sets exchanged, but for the rounding of a sum. 0 when either is empty.
+    /// with the sets exchanged. 0 when either is empty.
     pub fn match_kernel(&self, other: &Self, inner: InnerKernel) -> f32 {
         let mut of_rows = vec![0; self.rows.n_rows()];
         let mut of_columns = vec![0; other.rows.n_rows()];
@@ -184,10 +184,11 @@ impl MatchSvm {
     ) -> Result<Self, SvmError> {
         check_n_classes(n_classes)?;
         let gram = Self::gram(frames, config)?;
-        Self::train_over(frames, &gram, labels, n_classes, config)
+        Self::train_over(frames, &gram, labels, n_classes, config).map(|(svm, _)| svm)
     }
 
-    /// As [`MatchSvm::train`], on frames whose [`MatchSvm::gram`] is known.
+    /// As [`MatchSvm::train`], on frames whose [`MatchSvm::gram`] is known; with the indices of the support frames, whose
+    /// kernel values [`MatchSvm::machines`] take.
     ///
     /// # Errors
     /// Those of [`DualSvm::train`]; a matrix of other frames.
@@ -197,11 +198,11 @@ impl MatchSvm {
         labels: &[usize],
         n_classes: usize,
         config: &MatchConfig,
-    ) -> Result<Self, SvmError> {
+    ) -> Result<(Self, Vec<usize>), SvmError> {
         check_shape("rows of the kernel matrix", gram.n_rows(), frames.len())?;
         let (machines, support_idxs) = DualSvm::train(gram, labels, n_classes, &config.machines)?;
-        let support_frames = support_idxs.into_iter().map(|frame_idx| frames[frame_idx].clone()).collect();
-        Self::from_parts(config.inner, support_frames, machines)
+        let support_frames = support_idxs.iter().map(|&frame_idx| frames[frame_idx].clone()).collect();
+        Ok((Self::from_parts(config.inner, support_frames, machines)?, support_idxs))
     }
 
     /// Puts an SVM together from its parts, as the methods of the same names gave them.
@@ -313,6 +314,8 @@ mod tests {
             for inner in INNERS {
                 let sets = [&left, &right].map(|descriptors| DescriptorSet::new(descriptors, inner));
                 let expected = naive(inner, &left, &right);
+                let exchanged = sets[1].match_kernel(&sets[0], inner);
+                prop_assert_eq!(sets[0].match_kernel(&sets[1], inner).to_bits(), exchanged.to_bits());
                 for value in [sets[0].match_kernel(&sets[1], inner), sets[1].match_kernel(&sets[0], inner)] {
                     let error = (f64::from(value) - expected).abs();
                     prop_assert!(error < 2e-3, "{:?}: {} and {}", inner, value, expected);

@@ -39,7 +39,7 @@ impl Kind {
                 let weights: Vec<f32> = stumps().map(|stump| stump.weight).collect();
                 arrays.push(Array::vector("boost.weights", &weights));
             }
-            Self::Match(svm) => {
+            Self::Match(svm, _) => {
                 let frames = svm.support_frames();
                 let mut descriptors = Matrix::new(frames.first().map_or(0, Matrix::n_cols));
                 frames.iter().flat_map(Matrix::rows).for_each(|row| descriptors.push_row(row));
@@ -67,7 +67,7 @@ impl Kind {
             let machines = read_dual(config.machines.scheme, n_rooms, file)?;
             let svm =
                 MatchSvm::from_parts(config.inner, frames, machines).map_err(|error| damaged(&error))?;
-            return Ok((Self::Match(svm), KeptRows::default()));
+            return Ok((Self::Match(svm, Vec::new()), KeptRows::default()));
         };
         let centers = file.matrix("vocabulary.centers")?;
         require(centers.n_cols() == n_dimensions, "its words fit no descriptor")?;
