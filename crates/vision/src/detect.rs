@@ -15,7 +15,7 @@ pub use surf::Surf;
 
 use crate::camera::View;
 use crate::image::Image;
-use crate::plane::{Levels, Plane, ScaleSpace};
+use crate::plane::{Levels, ScaleSpace};
 use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 
@@ -74,14 +74,11 @@ impl Detector {
     /// The same; `space` becomes the scale space that keypoints were looked for in, if there are
     /// [`Detector::levels`], and is left alone otherwise.
     pub fn detect_with(&self, image: &Image, view: &View, space: &mut ScaleSpace) -> Vec<Keypoint> {
-        if let Some(levels) = self.levels() {
-            space.build(&Plane::new(image, view.wraps()), levels, f32::INFINITY);
-        }
         match self {
             Self::Fast(fast) => fast.detect(image, view),
             Self::Surf(surf) => surf.detect(image, view),
-            Self::Sift(sift) => sift.detect(space, view),
-            Self::HarrisLaplace(harris) => harris.detect(space, view),
+            Self::Sift(sift) => sift.detect(image, view, space),
+            Self::HarrisLaplace(harris) => harris.detect(image, view, space),
             Self::Dense(dense) => dense.detect(image, view),
         }
     }

@@ -1,15 +1,15 @@
 //! Planes of `f32` gray values, and the Gaussian scale space of an image.
 
+mod blur;
 mod scale_space;
 
+pub(crate) use blur::Blur;
+pub(crate) use scale_space::{Extent, Grown, Octave};
 pub use scale_space::{Levels, Location, ScaleSpace};
 
 use crate::image::Image;
 use crate::simd;
 use std::ops::Range;
-
-/// How many sigmas of a Gaussian are summed on each side.
-const KERNEL_REACH: f32 = 4.0;
 
 /// A plane of gray values from 0 (black) to 1 (white), row-major; empty until something is written to it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -62,49 +62,28 @@ impl Plane {
         &mut self.values[y * self.width..][..self.width]
     }
 
-    /// Blurs by a Gaussian of `sigma` pixels; beyond the plane its border is repeated, or its
-    /// columns when it wraps.
-    pub fn blur_into(&self, sigma: f32, blurred: &mut Self) {
-        let weights = gaussian(sigma);
-        let radius = weights.len() - 1;
-        blurred.resize((self.width, self.height), self.wraps);
-        // Down the columns into one row, from there along it: the row stays in the nearest cache.
-        let mut padded = vec![0.0; self.width + 2 * radius];
-        let mut rows = Vec::with_capacity(2 * radius + 1);
-        for (y, blurred) in blurred.values.chunks_exact_mut(self.width).enumerate() {
-            rows.clear();
-            rows.extend(
-                (y..=y + 2 * radius).map(|y| self.row(y.saturating_sub(radius).min(self.height - 1))),
-            );
-            simd::blur_columns(&rows, &weights, &mut padded[radius..radius + self.width]);
-            pad(&mut padded, radius, self.wraps);
-            simd::blur_row(&padded, &weights, blurred);
-        }
+    /// Two rows, from `2 * y` on, of a plane twice as wide and high, by linear interpolation: pixel (x, y) is at
+    /// (2 x, 2 y). `ring` holds the last ones of that plane.
+    fn double_row(&self, y: usize, ring: &mut Self) {
+        let (row, next) = (self.row(y), self.row((y + 1).min(self.height - 1)));
+        double(row, self.wraps, ring.row_mut(2 * y % ring.height));
+        let between: Vec<f32> = row.iter().zip(next).map(|(a, b)| (a + b) / 2.0).collect();
+        double(&between, self.wraps, ring.row_mut((2 * y + 1) % ring.height));
     }
 
-    /// Twice as wide and high, by linear interpolation: pixel (x, y) is at (2 x, 2 y).
-    pub fn double_into(&self, doubled: &mut Self) {
-        let width = 2 * self.width;
-        doubled.resize((width, 2 * self.height), self.wraps);
-        let mut between = vec![0.0; self.width];
-        for (y, rows) in doubled.values.chunks_exact_mut(2 * width).enumerate() {
-            let (even, odd) = rows.split_at_mut(width);
-            let (row, next) = (self.row(y), self.row((y + 1).min(self.height - 1)));
-            double_row(row, self.wraps, even);
-            for ((between, a), b) in between.iter_mut().zip(row).zip(next) {
-                *between = (a + b) / 2.0;
-            }
-            double_row(&between, self.wraps, odd);
-        }
-    }
-
-    /// Every other column of every other row, from the first on. Where a plane of odd width wraps, the last
-    /// column and the first then are neighbors that lie only one pixel of before apart.
-    pub fn halve_into(&self, halved: &mut Self) {
-        halved.resize((self.width.div_ceil(2), self.height.div_ceil(2)), self.wraps);
-        for (y, row) in halved.values.chunks_exact_mut(halved.width).enumerate() {
+    /// Rows `rows` of a plane of every other column of every other row, from the first on. Where a plane of odd
+    /// width wraps, the last column and the first then are neighbors that lie only one pixel of before apart.
+    fn halve_rows(&self, rows: Range<usize>, halved: &mut Self) {
+        let width = halved.width;
+        let halved = halved.rows_mut(rows.clone());
+        for (y, row) in rows.zip(halved.chunks_exact_mut(width)) {
             row.iter_mut().zip(self.row(2 * y).chunks(2)).for_each(|(value, pair)| *value = pair[0]);
         }
+    }
+
+    /// The values of some rows, to write to. Panics when there are no such rows.
+    pub fn rows_mut(&mut self, rows: Range<usize>) -> &mut [f32] {
+        &mut self.values[rows.start * self.width..rows.end * self.width]
     }
 
     /// Makes it one of another size, which wraps or does not. What it then holds means nothing until it is
@@ -115,19 +94,7 @@ impl Plane {
     }
 }
 
-/// Continues the row in the middle of `padded` by `radius` values on either side: by its ends, or by the row
-/// itself when it wraps.
-fn pad(padded: &mut [f32], radius: usize, wraps: bool) {
-    let width = padded.len() - 2 * radius;
-    for beyond in 0..radius {
-        let (before, after) =
-            if wraps { (width - 1 - beyond % width, beyond % width) } else { (0, width - 1) };
-        padded[radius - 1 - beyond] = padded[radius + before];
-        padded[radius + width + beyond] = padded[radius + after];
-    }
-}
-
-fn double_row(row: &[f32], wraps: bool, doubled: &mut [f32]) {
+fn double(row: &[f32], wraps: bool, doubled: &mut [f32]) {
     let (pairs, _) = doubled.as_chunks_mut::<2>();
     for (pair, values) in pairs.iter_mut().zip(row.windows(2)) {
         *pair = [values[0], (values[0] + values[1]) / 2.0];
@@ -135,14 +102,6 @@ fn double_row(row: &[f32], wraps: bool, doubled: &mut [f32]) {
     if let (Some(last), Some(&value)) = (pairs.last_mut(), row.last()) {
         *last = [value, if wraps { (value + row[0]) / 2.0 } else { value }];
     }
-}
-
-/// The weights of a Gaussian from its center outward; with both sides they sum to 1.
-fn gaussian(sigma: f32) -> Vec<f32> {
-    let radius = (KERNEL_REACH * sigma).round().max(1.0) as usize;
-    let weights = gaussian_at(0.0, 0..radius + 1, sigma);
-    let sum = 2.0 * weights.iter().sum::<f32>() - weights[0];
-    weights.iter().map(|weight| weight / sum).collect()
 }
 
 /// A Gaussian round `center`, 1 in its middle, at the whole numbers of `positions`.
@@ -190,64 +149,37 @@ impl Gradients {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use proptest::prelude::*;
 
     fn plane(width: usize, height: usize, value: impl Fn(usize, usize) -> f32) -> Plane {
         let values = (0..width * height).map(|idx| value(idx % width, idx / width)).collect();
         Plane { width, height, wraps: false, values }
     }
 
-    proptest! {
-        #[test]
-        fn blurring_weighs_by_a_gaussian_and_repeats_the_border_or_the_columns(
-            (width, height) in (1usize..90, 1usize..12), sigma in 0.3f32..4.0, wraps: bool,
-        ) {
-            let original =
-                Plane { wraps, ..plane(width, height, |x, y| ((x * 7 + y * 13) % 5) as f32 / 5.0) };
-            let mut blurred = Plane::default();
-            original.blur_into(sigma, &mut blurred);
-            let reach = (4.0 * sigma).round().max(1.0) as isize;
-            for (x, y) in [(0, 0), (width / 2, height / 2), (width - 1, height - 1)] {
-                let (mut sum, mut n) = (0.0, 0.0);
-                for (dx, dy) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy))) {
-                    let weight = (-((dx * dx + dy * dy) as f32) / (2.0 * sigma * sigma)).exp();
-                    let at = |position: usize, offset: isize, size: usize| {
-                        (position as isize + offset).clamp(0, size as isize - 1) as usize
-                    };
-                    let column = if wraps {
-                        (x as isize + dx).rem_euclid(width as isize) as usize
-                    } else {
-                        at(x, dx, width)
-                    };
-                    sum += weight * original.row(at(y, dy, height))[column];
-                    n += weight;
-                }
-                prop_assert!((blurred.row(y)[x] - sum / n).abs() < 1e-4);
-            }
-        }
+    fn doubled(original: &Plane) -> Plane {
+        let mut doubled = Plane::default();
+        doubled.resize((2 * original.width, 2 * original.height), original.wraps);
+        (0..original.height).for_each(|y| original.double_row(y, &mut doubled));
+        doubled
     }
 
     #[test]
     fn halving_undoes_doubling() {
         for (width, height) in [(1, 1), (5, 4), (8, 3)] {
             let original = plane(width, height, |x, y| (x * x + 3 * y) as f32);
-            let (mut doubled, mut halved) = (Plane::default(), Plane::default());
-            original.double_into(&mut doubled);
-            doubled.halve_into(&mut halved);
-            assert_eq!((doubled.width(), doubled.height()), (2 * width, 2 * height));
+            let doubled = doubled(&original);
+            let mut halved = plane(width, height, |_, _| f32::NAN);
+            (0..height).for_each(|y| doubled.halve_rows(y..y + 1, &mut halved));
             assert_eq!(halved, original);
         }
     }
 
     #[test]
     fn doubling_interpolates() {
-        let mut doubled = Plane::default();
-        plane(2, 2, |x, y| (x + 2 * y) as f32).double_into(&mut doubled);
         assert_eq!(
-            doubled.values,
+            doubled(&plane(2, 2, |x, y| (x + 2 * y) as f32)).values,
             [0.0, 0.5, 1.0, 1.0, 1.0, 1.5, 2.0, 2.0, 2.0, 2.5, 3.0, 3.0, 2.0, 2.5, 3.0, 3.0]
         );
-        Plane { wraps: true, ..plane(2, 1, |x, _| x as f32) }.double_into(&mut doubled);
+        let doubled = doubled(&Plane { wraps: true, ..plane(2, 1, |x, _| x as f32) });
         assert_eq!(doubled.values, [0.0, 0.5, 1.0, 0.5, 0.0, 0.5, 1.0, 0.5]);
     }
 }

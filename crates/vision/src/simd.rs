@@ -14,12 +14,14 @@
 
 mod bytes;
 mod clusters;
+mod corner;
 #[cfg(target_arch = "x86_64")]
 mod cpu;
 mod dct;
 mod dot;
 mod fast;
 mod hessian;
+mod histogram;
 mod nearest;
 mod pattern;
 mod plane;
@@ -29,10 +31,14 @@ mod sketches;
 
 pub use bytes::{ByteColumns, ByteRows, MAX_BYTES, Nearest};
 pub use clusters::{Assignment, GROUP, GroupedRows, MeasuredPoints, approach, reassign};
+pub use corner::{derivative_products, harris_measure, mark_maxima};
 pub use dct::{Block, inverse_dct};
 pub use dot::dot;
 pub use fast::fast_strengths;
 pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
+pub use histogram::{
+    CellHistograms, CellRow, N_CELL_DIRECTIONS, N_CELLS, N_DIRECTIONS, count_directions, share_gradients,
+};
 pub use nearest::{MeasuredRows, Nearness, UnitColumns, largest_products, nearest_columns};
 pub use pattern::{
     CODE_BLOCK, COUNT_BLOCK, GRID_BLOCK, Grid, Taps, count_codes, interpolate_grid, mark_brighter,

@@ -10,15 +10,10 @@ use crate::camera::View;
 use crate::detect::Keypoint;
 use crate::image::Image;
 use crate::matrix::Matrix;
-use crate::plane::{Gradients, Levels, Location, Plane, ScaleSpace, gaussian_at};
+use crate::plane::{Extent, Gradients, Levels, Location, Plane, ScaleSpace, gaussian_at};
+use crate::simd::{self, CellHistograms, CellRow, N_CELL_DIRECTIONS as N_DIRECTIONS, N_CELLS};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
-
-/// Cells a side of the square.
-const N_CELLS: usize = 4;
-
-/// Directions of a cell.
-const N_DIRECTIONS: usize = 8;
 
 /// No number of a descriptor of unit length exceeds this before it is scaled again.
 const HIGHEST: f32 = 0.2;
@@ -37,9 +32,6 @@ impl Default for SiftDescriptor {
         Self { magnification: 3.0 }
     }
 }
-
-/// With a cell beyond each side, for gradients that only partly lie inside.
-type Histograms = [[[f32; N_DIRECTIONS]; N_CELLS + 2]; N_CELLS + 2];
 
 impl SiftDescriptor {
     /// The most levels of the scale space that keypoints are described in; the first octave is doubled only if
@@ -75,7 +67,7 @@ impl SiftDescriptor {
         let doubled = finest < sigma * (-0.5 / n_layers as f32).exp2();
         let levels = Levels { doubled, ..Self::LEVELS };
         let mut space = ScaleSpace::default();
-        space.build(&Plane::new(image, view.wraps()), levels, coarsest);
+        space.build(&Plane::new(image, view.wraps()), levels, Extent { coarsest, n_more: 0 }, |_| ());
         self.describe_in(&space, keypoints, view)
     }
 
@@ -91,7 +83,7 @@ impl SiftDescriptor {
             let (columns, rows) = location.window(square.radius);
             let column_weights = gaussian_at(location.x, columns.clone(), square.sigma());
             let row_weights = gaussian_at(location.y, rows.clone(), square.sigma());
-            let mut histograms = Histograms::default();
+            let mut histograms = [[0.0; N_DIRECTIONS]; (N_CELLS + 2) * (N_CELLS + 2)];
             for (y, row_weight) in rows.zip(row_weights) {
                 let inside = square.columns(y, &columns);
                 if inside.is_empty() {
@@ -105,13 +97,17 @@ impl SiftDescriptor {
                     let hidden = gradients.lengths.iter_mut().zip(&outside).filter(|(_, mark)| **mark != 0);
                     hidden.for_each(|(length, _)| *length = 0.0);
                 }
-                let weights = &column_weights[inside.start - columns.start..];
-                gradients
-                    .lengths
-                    .iter_mut()
-                    .zip(weights)
-                    .for_each(|(length, weight)| *length *= weight * row_weight);
-                square.count(y, inside.start, &gradients, &mut histograms);
+                let row = CellRow {
+                    start: (inside.start, y),
+                    center: square.center,
+                    along: square.along,
+                    turn: square.turn,
+                    lengths: &gradients.lengths,
+                    turns: &gradients.turns,
+                    weights: &column_weights[inside.start - columns.start..],
+                    row_weight,
+                };
+                simd::share_gradients(&row, &mut histograms);
             }
             write(&histograms, descriptors.row_mut(row_idx));
         }
@@ -174,39 +170,12 @@ impl Square {
         let column = |offset: f32| columns.start + (offset.ceil() as usize).min(columns.len());
         column(span.0)..column(span.1)
     }
-
-    /// Shares the gradients of row `y`, from column `start` on, among the histograms.
-    fn count(&self, y: usize, start: usize, gradients: &Gradients, histograms: &mut Histograms) {
-        for (x, (&length, &turn)) in (start..).zip(gradients.lengths.iter().zip(&gradients.turns)) {
-            let (column, row) = self.position(x as f32, y as f32);
-            // Directions are counted from the x axis of the square, against the sense of the angle.
-            let direction = (self.turn - turn + 1.0) * N_DIRECTIONS as f32;
-            // All are above -1: the cast rounds down.
-            let (column, row) = (column + 1.0, row + 1.0);
-            let (column_idx, row_idx, direction_idx) = (column as usize, row as usize, direction as usize);
-            if column_idx > N_CELLS || row_idx > N_CELLS {
-                continue;
-            }
-            let right = column - column_idx as f32;
-            let lower = row - row_idx as f32;
-            let next = direction - direction_idx as f32;
-            for (row_idx, share) in [(row_idx, 1.0 - lower), (row_idx + 1, lower)] {
-                let share = share * length;
-                for (column_idx, share) in
-                    [(column_idx, share * (1.0 - right)), (column_idx + 1, share * right)]
-                {
-                    let histogram = &mut histograms[row_idx][column_idx];
-                    histogram[direction_idx % N_DIRECTIONS] += share * (1.0 - next);
-                    histogram[(direction_idx + 1) % N_DIRECTIONS] += share * next;
-                }
-            }
-        }
-    }
 }
 
 /// The inner cells, of unit length, without high numbers.
-fn write(histograms: &Histograms, descriptor: &mut [f32]) {
-    let inner = histograms[1..=N_CELLS].iter().flat_map(|row| row[1..=N_CELLS].as_flattened());
+fn write(histograms: &CellHistograms, descriptor: &mut [f32]) {
+    let rows = histograms.chunks_exact(N_CELLS + 2).skip(1).take(N_CELLS);
+    let inner = rows.flat_map(|row| row[1..=N_CELLS].as_flattened());
     descriptor.iter_mut().zip(inner).for_each(|(number, &count)| *number = count);
     scale_to_unit(descriptor);
     descriptor.iter_mut().for_each(|number| *number = number.min(HIGHEST));

@@ -58,18 +58,28 @@ impl SurfDescriptor {
         let mut descriptors = Matrix::zeros(keypoints.len(), self.n_dimensions());
         for (row_idx, keypoint) in keypoints.iter().enumerate() {
             let row = descriptors.row_mut(row_idx);
-            let (_, right) = Self::square(keypoint, view);
-            for (place_idx, &weight) in weights.iter().enumerate() {
-                let (column, row_of_place) = (place_idx % SIDE, place_idx / SIDE);
-                let along = (column as f32 - CENTER) * keypoint.scale;
-                let across = (row_of_place as f32 - CENTER) * keypoint.scale;
-                let x = keypoint.x + along * right.0 - across * right.1;
-                let y = keypoint.y + along * right.1 + across * right.0;
-                let (dx, dy) = sampler.response(x, y, half_of(keypoint));
-                let turned = (dx * right.0 + dy * right.1, dy * right.0 - dx * right.1);
-                let cell = row_of_place * N_CELLS / SIDE * N_CELLS + column * N_CELLS / SIDE;
-                let sums = &mut row[cell * self.n_sums()..][..self.n_sums()];
-                self.add((weight * turned.0, weight * turned.1), sums);
+            let (half_side, right) = Self::square(keypoint, view);
+            let half = half_of(keypoint);
+            let radius = half_side * std::f32::consts::SQRT_2;
+            let is_inside = sampler.contains_all(keypoint.x, keypoint.y, radius, half);
+            for (line_idx, weights) in weights.chunks_exact(SIDE).enumerate() {
+                let across = (line_idx as f32 - CENTER) * keypoint.scale;
+                let cells = &mut row[line_idx * N_CELLS / SIDE * N_CELLS * self.n_sums()..];
+                let cells = cells.chunks_exact_mut(self.n_sums()).zip(weights.chunks_exact(SIDE / N_CELLS));
+                for (cell_idx, (sums, weights)) in cells.enumerate() {
+                    for (column, &weight) in (cell_idx * SIDE / N_CELLS..).zip(weights) {
+                        let along = (column as f32 - CENTER) * keypoint.scale;
+                        let x = keypoint.x + along * right.0 - across * right.1;
+                        let y = keypoint.y + along * right.1 + across * right.0;
+                        let (dx, dy) = if is_inside {
+                            sampler.response_inside(x, y, half)
+                        } else {
+                            sampler.response(x, y, half)
+                        };
+                        let turned = (dx * right.0 + dy * right.1, dy * right.0 - dx * right.1);
+                        self.add((weight * turned.0, weight * turned.1), sums);
+                    }
+                }
             }
             normalize(row);
         }

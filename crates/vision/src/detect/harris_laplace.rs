@@ -9,9 +9,11 @@
 //! s^2 |Lxx + Lyy| (equation 5) is larger at s_I than at the scales below and above. Scales grow by the
 //! square root of 2, so that s_D is the scale below s_I; the paper takes factors of 1.4 and 0.7.
 
-use super::{Keypoint, in_reading_order, keep_strongest};
+use super::{Keypoint, for_each_marked, in_reading_order, keep_strongest};
 use crate::camera::View;
-use crate::plane::{Levels, Plane, ScaleSpace};
+use crate::image::Image;
+use crate::plane::{Blur, Extent, Levels, Plane, ScaleSpace};
+use crate::simd;
 use serde::{Deserialize, Serialize};
 
 /// How much a large trace, as of edges, counts against a corner.
@@ -64,26 +66,31 @@ impl HarrisLaplace {
         Levels { sigma: self.sigma, n_layers: 2, doubled: false }
     }
 
-    /// See [`super::Detector::detect`], in the scale space of an image with
-    /// [`HarrisLaplace::levels`]. The response is det M - alpha trace^2 M, the scale s_I.
-    pub(super) fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
+    /// See [`super::Detector::detect_with`]. The response is det M - alpha trace^2 M, the scale s_I.
+    pub(super) fn detect(&self, image: &Image, view: &View, space: &mut ScaleSpace) -> Vec<Keypoint> {
         let levels = self.levels();
+        // The plane after those that points are described in is needed at few places.
+        let extent = Extent { coarsest: f32::INFINITY, n_more: 0 };
+        space.build(&Plane::new(image, view.wraps()), levels, extent, |_| ());
         let mut keypoints = Vec::new();
         let mut harris = Harris::default();
-        for (octave_idx, planes) in space.octaves().iter().enumerate() {
+        for (octave_idx, octave) in space.octaves().iter().enumerate() {
             let pixel = levels.pixel(octave_idx);
-            for (layer, planes) in (1..).zip(planes.windows(3)).take(levels.n_layers) {
+            for layer in 1..=levels.n_layers {
                 let [derivative, integration] = [layer - 1, layer].map(|layer| levels.sigma(layer as f32));
-                harris.measure(&planes[0], derivative, integration);
+                harris.measure(&octave.planes()[layer - 1], derivative, integration);
                 harris.for_each_corner(self.threshold, |corner| {
-                    let place = [corner.column, corner.row];
-                    let laplacians: [f32; 3] = std::array::from_fn(|idx| {
-                        let sigma = levels.sigma((layer - 1 + idx) as f32);
-                        sigma * sigma * laplacian(&planes[idx], place).abs()
-                    });
-                    let [below, here, above] = laplacians;
-                    if here > self.laplacian_threshold && here > below && here > above {
-                        let layer = layer as f32 + vertex(laplacians);
+                    let laplacian = |layer: usize| {
+                        let sigma = levels.sigma(layer as f32);
+                        sigma * sigma * laplacian(&octave.around(layer, corner.column, corner.row)).abs()
+                    };
+                    let [below, here] = [layer - 1, layer].map(laplacian);
+                    if here <= self.laplacian_threshold || here <= below {
+                        return;
+                    }
+                    let above = laplacian(layer + 1);
+                    if here > above {
+                        let layer = layer as f32 + vertex([below, here, above]);
                         keypoints.push(Keypoint {
                             scale: levels.sigma(layer) * pixel,
                             ..Keypoint::new(corner.x * pixel, corner.y * pixel, corner.response)
@@ -113,10 +120,12 @@ struct Corner {
 /// The Harris measure of a plane; the memory is used again and again.
 #[derive(Default)]
 struct Harris {
-    /// Lx^2, Lx Ly and Ly^2, without and with the average over s_I.
+    /// Lx^2, Lx Ly and Ly^2.
     products: [Plane; 3],
-    averages: [Plane; 3],
+    /// Some of their rows, averaged over s_I.
+    averages: [Vec<f32>; 3],
     measure: Plane,
+    marks: Vec<u8>,
 }
 
 impl Harris {
@@ -126,68 +135,79 @@ impl Harris {
             .iter_mut()
             .chain([&mut self.measure])
             .for_each(|plane| plane.resize((width, height), wraps));
-        let [xx, xy, yy] = &mut self.products;
-        for y in 0..height {
-            let [above, row, below] =
-                [y.saturating_sub(1), y, (y + 1).min(height - 1)].map(|y| &plane.row(y)[..width]);
-            let (xx, xy, yy) = (xx.row_mut(y), xy.row_mut(y), yy.row_mut(y));
-            // Central differences are of two pixels.
-            let factor = 0.5 * derivative_sigma;
-            let mut multiply = |[left, x, right]: [usize; 3]| {
-                let (dx, dy) = (factor * (row[right] - row[left]), factor * (below[x] - above[x]));
-                (xx[x], xy[x], yy[x]) = (dx * dx, dx * dy, dy * dy);
-            };
-            (1..width.saturating_sub(1)).for_each(|x| multiply([x - 1, x, x + 1]));
-            if wraps {
-                [0, width - 1].into_iter().for_each(|x| multiply(plane.around(x)));
+        let mut blur = Blur::new(integration_sigma);
+        let (mut n_multiplied, mut n_measured) = (0, 0);
+        // Products are averaged while they are in the cache.
+        while n_measured < height {
+            let multiplied = n_multiplied..(n_multiplied + Blur::STRIP).min(height);
+            n_multiplied = multiplied.end;
+            multiplied.for_each(|y| self.multiply(plane, y, derivative_sigma));
+            let rows = n_measured..blur.n_ready(height, n_multiplied);
+            n_measured = rows.end;
+            for (product, averages) in self.products.iter().zip(&mut self.averages) {
+                averages.resize(rows.len() * width, 0.0);
+                blur.blur_rows(product, rows.start, averages);
+            }
+            let averages = self.averages.each_ref().map(Vec::as_slice);
+            simd::harris_measure(averages, ALPHA, self.measure.rows_mut(rows));
+        }
+    }
+
+    /// The products of the derivatives of row `y`.
+    fn multiply(&mut self, plane: &Plane, y: usize, derivative_sigma: f32) {
+        let (width, height) = (plane.width(), plane.height());
+        let rows = [y.saturating_sub(1), y, (y + 1).min(height - 1)].map(|y| plane.row(y));
+        let mut products = self.products.each_mut().map(|plane| plane.row_mut(y));
+        // Central differences are of two pixels.
+        let factor = 0.5 * derivative_sigma;
+        for x in [0, width - 1] {
+            if plane.wraps() {
+                let rows = rows.map(|row| plane.around(x).map(|x| row[x]));
+                let mut single = [[0.0]; 3];
+                let rows = rows.each_ref().map(|row| &row[..]);
+                simd::derivative_products(rows, factor, single.each_mut().map(|product| &mut product[..]));
+                products.iter_mut().zip(single).for_each(|(products, [product])| products[x] = product);
             } else {
-                // They have a neighbor on one side only; what stood there was of another plane.
-                for x in [0, width - 1] {
-                    (xx[x], xy[x], yy[x]) = (0.0, 0.0, 0.0);
-                }
+                // It has a neighbor on one side only; what stood there was of another plane.
+                products.iter_mut().for_each(|products| products[x] = 0.0);
             }
         }
-        for (product, average) in self.products.iter().zip(&mut self.averages) {
-            product.blur_into(integration_sigma, average);
-        }
-        let [xx, xy, yy] = &self.averages;
-        for y in 0..height {
-            let products = xx.row(y).iter().zip(xy.row(y)).zip(yy.row(y));
-            for (measure, ((xx, xy), yy)) in self.measure.row_mut(y).iter_mut().zip(products) {
-                let trace = xx + yy;
-                *measure = xx * yy - xy * xy - ALPHA * trace * trace;
-            }
+        if width > 2 {
+            simd::derivative_products(rows, factor, products.map(|products| &mut products[1..width - 1]));
         }
     }
 
     /// Calls `visit` for each pixel above `threshold` whose measure exceeds that of its eight neighbors.
-    fn for_each_corner(&self, threshold: f32, mut visit: impl FnMut(&Corner)) {
-        for row in 1..self.measure.height().saturating_sub(1) {
-            let rows = [row - 1, row, row + 1].map(|row| self.measure.row(row));
-            for column in self.measure.inner_columns() {
-                let response = rows[1][column];
-                if response <= threshold {
-                    continue;
-                }
-                let columns = self.measure.around(column);
-                let around = rows.iter().flat_map(|row| columns.map(|column| row[column]));
-                // One is the pixel itself.
-                if around.filter(|&other| other >= response).count() == 1 {
-                    let across = columns.map(|column| rows[1][column]);
-                    let x = column as f32 + vertex(across);
-                    let y = row as f32 + vertex(rows.map(|row| row[column]));
-                    visit(&Corner { column, row, x, y, response });
+    fn for_each_corner(&mut self, threshold: f32, mut visit: impl FnMut(&Corner)) {
+        let measure = &self.measure;
+        let seam = [0, measure.width() - 1];
+        let seam = if measure.wraps() { &seam[..] } else { &[] };
+        self.marks.resize(measure.width().saturating_sub(2), 0);
+        for row in 1..measure.height().saturating_sub(1) {
+            let rows = [row - 1, row, row + 1].map(|row| measure.row(row));
+            let mut visit = |column: usize| {
+                let across = measure.around(column).map(|column| rows[1][column]);
+                let x = column as f32 + vertex(across);
+                let y = row as f32 + vertex(rows.map(|row| row[column]));
+                visit(&Corner { column, row, x, y, response: rows[1][column] });
+            };
+            simd::mark_maxima(rows, threshold, &mut self.marks);
+            for_each_marked(&self.marks, |x, _| visit(x + 1));
+            for &column in seam {
+                let around = rows.map(|row| measure.around(column).map(|column| row[column]));
+                let mut mark = [0];
+                simd::mark_maxima(around.each_ref().map(|row| &row[..]), threshold, &mut mark);
+                if mark != [0] {
+                    visit(column);
                 }
             }
         }
     }
 }
 
-/// Lxx + Lyy at a pixel inside the border.
-fn laplacian(plane: &Plane, [x, y]: [usize; 2]) -> f32 {
-    let row = plane.row(y);
-    let [left, _, right] = plane.around(x);
-    row[left] + row[right] + plane.row(y - 1)[x] + plane.row(y + 1)[x] - 4.0 * row[x]
+/// Lxx + Lyy of the pixel in the middle.
+fn laplacian([above, row, below]: &[[f32; 3]; 3]) -> f32 {
+    row[0] + row[2] + above[1] + below[1] - 4.0 * row[1]
 }
 
 /// How far from the middle one the vertex of the parabola through three values is, of which the middle one is
@@ -201,7 +221,6 @@ mod tests {
     use super::super::Detector;
     use super::super::testing::*;
     use super::*;
-    use crate::image::Image;
     use proptest::prelude::*;
 
     #[test]

@@ -7,8 +7,9 @@
 
 use super::{Keypoint, for_each_marked, in_reading_order, keep_strongest};
 use crate::camera::View;
-use crate::plane::{Gradients, Levels, Location, Plane, ScaleSpace, gaussian_at};
-use crate::simd;
+use crate::image::Image;
+use crate::plane::{Extent, Gradients, Grown, Levels, Location, Octave, Plane, ScaleSpace, gaussian_at};
+use crate::simd::{self, N_DIRECTIONS};
 use serde::{Deserialize, Serialize};
 
 /// The surroundings that must be valid, in sigmas.
@@ -16,9 +17,6 @@ const REACH: f32 = 2.0;
 
 /// An extremum is given up when it has not come to rest after so many steps.
 const MAX_STEPS: usize = 5;
-
-/// Bins of the histogram of directions.
-const N_DIRECTIONS: usize = 36;
 
 /// Peaks at least this high, compared with the highest, are directions too.
 const PEAK_SHARE: f32 = 0.8;
@@ -87,10 +85,18 @@ impl Sift {
         Levels { sigma: self.sigma, n_layers: self.n_layers, doubled: self.doubled }
     }
 
-    /// See [`super::Detector::detect`], in the scale space of an image with [`Sift::levels`]. The response is
-    /// the contrast.
-    pub(super) fn detect(&self, space: &ScaleSpace, view: &View) -> Vec<Keypoint> {
-        let mut extrema = self.extrema(space);
+    /// See [`super::Detector::detect_with`]. The response is the contrast.
+    pub(super) fn detect(&self, image: &Image, view: &View, space: &mut ScaleSpace) -> Vec<Keypoint> {
+        let candidates = self.candidates(&Plane::new(image, view.wraps()), space);
+        let octaves = space.octaves();
+        let mut extrema: Vec<Keypoint> = candidates
+            .iter()
+            .filter(|candidate| candidate.is_extremum(&octaves[candidate.octave_idx]))
+            .filter_map(|candidate| {
+                let refined = self.refine(&octaves[candidate.octave_idx], candidate.place)?;
+                Some(refined.keypoint(self.levels(), candidate.octave_idx))
+            })
+            .collect();
         extrema.iter_mut().for_each(|extremum| extremum.x = view.column(extremum.x));
         extrema.retain(|extremum| view.contains(extremum.x, extremum.y, REACH * extremum.scale));
         keep_strongest(&mut extrema, self.target);
@@ -109,46 +115,51 @@ impl Sift {
         keypoints
     }
 
-    /// Without directions.
-    fn extrema(&self, space: &ScaleSpace) -> Vec<Keypoint> {
+    /// Builds the scale space and looks for extrema in each layer and the one below as soon as there are enough
+    /// rows, while these are in the cache.
+    fn candidates(&self, image: &Plane, space: &mut ScaleSpace) -> Vec<Candidate> {
         // Refining adds contrast; half the threshold misses nothing that matters.
         let threshold = 0.5 * self.contrast_threshold / self.n_layers as f32;
         let mut found = Vec::new();
         let mut marks = Vec::new();
-        for (octave_idx, planes) in space.octaves().iter().enumerate() {
-            let (width, height) = (planes[0].width(), planes[0].height());
-            marks.resize(width.saturating_sub(2), 0);
+        // The last plane would be needed at few places.
+        let extent = Extent { coarsest: f32::INFINITY, n_more: 1 };
+        space.build(image, self.levels(), extent, |Grown { octave_idx, layer, rows, planes }| {
+            if !(2..self.n_layers + 2).contains(&layer) {
+                return;
+            }
+            let layer = layer - 1;
+            let layers = &planes[layer - 1..=layer + 1];
+            let width = layers[0].width();
             let (last, [before_last, ..], [.., after_first]) =
-                (width - 1, planes[0].around(width - 1), planes[0].around(0));
-            for (layer, layers) in (1..).zip(planes.windows(4)) {
-                for y in 1..height.saturating_sub(1) {
-                    let rows = [0, 1, 2, 3].map(|layer| [y - 1, y, y + 1].map(|y| layers[layer].row(y)));
-                    let mut visit = |x: usize| {
-                        let refined = self.refine(planes, [x, y, layer]);
-                        found.extend(refined.map(|refined| refined.keypoint(self.levels(), octave_idx)));
-                    };
+                (width - 1, layers[0].around(width - 1), layers[0].around(0));
+            marks.resize(width.saturating_sub(2), 0);
+            // Those that have the rows above and below since now.
+            for y in rows.start.max(2) - 1..rows.end - 1 {
+                let rows = [0, 1, 2].map(|layer| [y - 1, y, y + 1].map(|y| layers[layer].row(y)));
+                let mut visit = |x: usize| found.push(Candidate { octave_idx, place: [x, y, layer] });
+                simd::mark_extrema(&rows, threshold, &mut marks);
+                for_each_marked(&marks, |x, _| visit(x + 1));
+                if layers[0].wraps() {
+                    let seam = [before_last, last, 0, after_first];
+                    let rows = rows.map(|rows| rows.map(|row| seam.map(|x| row[x])));
+                    let rows = rows.each_ref().map(|rows| rows.each_ref().map(|row| &row[..]));
+                    let mut marks = [0; 2];
                     simd::mark_extrema(&rows, threshold, &mut marks);
-                    for_each_marked(&marks, |x, _| visit(x + 1));
-                    if planes[0].wraps() {
-                        let seam = [before_last, last, 0, after_first];
-                        let rows = rows.map(|rows| rows.map(|row| seam.map(|x| row[x])));
-                        let rows = rows.each_ref().map(|rows| rows.each_ref().map(|row| &row[..]));
-                        let mut marks = [0; 2];
-                        simd::mark_extrema(&rows, threshold, &mut marks);
-                        for_each_marked(&marks, |x, _| visit([last, 0][x]));
-                    }
+                    for_each_marked(&marks, |x, _| visit([last, 0][x]));
                 }
             }
-        }
+        });
         found
     }
 
     /// Follows the parabola through an extremum at a pixel and layer of an octave to its vertex; `None` when
     /// it has too little contrast, is on an edge or does not come to rest.
-    fn refine(&self, planes: &[Plane], mut at: [usize; 3]) -> Option<Refined> {
-        let sizes = [planes[0].width(), planes[0].height(), planes.len() - 1];
+    fn refine(&self, octave: &Octave, mut at: [usize; 3]) -> Option<Refined> {
+        let plane = &octave.planes()[0];
+        let sizes = [plane.width(), plane.height(), self.n_layers + 2];
         for _ in 0..MAX_STEPS {
-            let parabola = Parabola::new(planes, at);
+            let parabola = Parabola::new(octave, at);
             let offset = parabola.vertex()?;
             if offset.iter().all(|offset| offset.abs() < 0.5) {
                 let contrast = parabola.value_at(offset).abs();
@@ -159,7 +170,7 @@ impl Sift {
             }
             for (axis, size) in sizes.into_iter().enumerate() {
                 let moved = at[axis] as f32 + offset[axis].round();
-                at[axis] = if axis == 0 && planes[0].wraps() {
+                at[axis] = if axis == 0 && plane.wraps() {
                     moved.rem_euclid(size as f32) as usize
                 } else if (1.0..=size as f32 - 2.0).contains(&moved) {
                     moved as usize
@@ -170,6 +181,31 @@ impl Sift {
         }
         None
     }
+}
+
+/// A pixel whose difference of Gaussians stands out in its layer and from the one below.
+struct Candidate {
+    octave_idx: usize,
+    /// Column, row and layer.
+    place: [usize; 3],
+}
+
+impl Candidate {
+    /// Whether it stands out from the layer above too.
+    fn is_extremum(&self, octave: &Octave) -> bool {
+        let [x, y, layer] = self.place;
+        let [lower, upper] = [layer, layer + 1].map(|layer| octave.planes()[layer].row(y)[x]);
+        let center = upper - lower;
+        let [lower, upper] = [layer + 1, layer + 2].map(|layer| octave.around(layer, x, y));
+        let above = differences(&lower, &upper);
+        let mut above = above.as_flattened().iter();
+        if center > 0.0 { above.all(|&other| other <= center) } else { above.all(|&other| other >= center) }
+    }
+}
+
+/// What the pixels of an upper layer exceed those of a lower one by.
+fn differences(lower: &[[f32; 3]; 3], upper: &[[f32; 3]; 3]) -> [[f32; 3]; 3] {
+    std::array::from_fn(|row| std::array::from_fn(|column| upper[row][column] - lower[row][column]))
 }
 
 /// An extremum in pixels and layers of its octave.
@@ -202,16 +238,10 @@ struct Parabola {
 }
 
 impl Parabola {
-    fn new(planes: &[Plane], [x, y, layer]: [usize; 3]) -> Self {
-        let columns = planes[0].around(x);
+    fn new(octave: &Octave, [x, y, layer]: [usize; 3]) -> Self {
+        let grays = [layer - 1, layer, layer + 1, layer + 2].map(|layer| octave.around(layer, x, y));
         // Differences by layer, row and column.
-        let cube: [[[f32; 3]; 3]; 3] = std::array::from_fn(|l| {
-            let [lower, upper] = [0, 1].map(|next| &planes[layer + l - 1 + next]);
-            std::array::from_fn(|row| {
-                let [lower, upper] = [lower, upper].map(|plane| plane.row(y + row - 1));
-                columns.map(|column| upper[column] - lower[column])
-            })
-        });
+        let cube = [0, 1, 2].map(|l| differences(&grays[l], &grays[l + 1]));
         // At a whole step along each axis.
         let at =
             |x: isize, y: isize, layer: isize| cube[(1 + layer) as usize][(1 + y) as usize][(1 + x) as usize];
@@ -273,10 +303,7 @@ fn direction_histogram(location: &Location, gradients: &mut Gradients) -> [f32; 
     let mut raw = [0.0; N_DIRECTIONS];
     for (y, row_weight) in rows.zip(row_weights) {
         gradients.take(location.plane, y, &columns);
-        for ((length, turn), weight) in gradients.lengths.iter().zip(&gradients.turns).zip(&column_weights) {
-            let bin = (turn * N_DIRECTIONS as f32 + 0.5) as usize % N_DIRECTIONS;
-            raw[bin] += length * weight * row_weight;
-        }
+        simd::count_directions(&gradients.lengths, &gradients.turns, &column_weights, row_weight, &mut raw);
     }
     std::array::from_fn(|bin| {
         let at = |ahead: usize| raw[(bin + ahead) % N_DIRECTIONS];
@@ -304,7 +331,6 @@ mod tests {
     use super::super::Detector;
     use super::super::testing::*;
     use super::*;
-    use crate::image::Image;
     use proptest::prelude::*;
 
     #[test]

@@ -102,9 +102,12 @@ fn direct(keypoints: &mut [Keypoint], image: &Image, view: &View) {
     let disk = disk();
     for keypoint in keypoints {
         let half = half_of(keypoint);
+        let radius = DIRECTION_RADIUS as f32 * keypoint.scale;
+        let is_inside = sampler.contains_all(keypoint.x, keypoint.y, radius, half);
         let responses = disk.iter().map(|&(dx, dy, weight)| {
             let (x, y) = (keypoint.x + dx * keypoint.scale, keypoint.y + dy * keypoint.scale);
-            let (right, down) = sampler.response(x, y, half);
+            let (right, down) =
+                if is_inside { sampler.response_inside(x, y, half) } else { sampler.response(x, y, half) };
             (weight * right, weight * down)
         });
         keypoint.angle = dominant_angle(responses);

@@ -20,9 +20,15 @@ impl Integral {
         let mut sums = vec![0u32; stride * (height + 1)];
         // The column of the image that the first column of the table continues.
         let first = (width - seam % width) % width;
+        let mut continued = Vec::with_capacity(if seam > 0 { stride } else { 0 });
         for y in 0..height {
             let (above, below) = sums[y * stride..][..2 * stride].split_at_mut(stride);
-            let pixels = image.row(y)[first..].iter().chain(image.row(y).iter().cycle());
+            let mut pixels = image.row(y);
+            if seam > 0 {
+                continued.clear();
+                continued.extend(pixels[first..].iter().chain(pixels.iter().cycle()).take(stride - 1));
+                pixels = &continued;
+            }
             let mut row_sum = 0u32;
             for ((below, above), &pixel) in below[1..].iter_mut().zip(&above[1..]).zip(pixels) {
                 row_sum = row_sum.wrapping_add(u32::from(pixel));

@@ -4,7 +4,7 @@
 //! An octave holds `n_layers + 3` planes, each blurred by 2^(1 / n_layers) times the sigma of the one before.
 //! The next octave begins with every other pixel of the plane that has twice the sigma of the first.
 
-use super::Plane;
+use super::{Blur, Plane};
 use std::ops::Range;
 
 /// The sigma that the camera itself has blurred an image by, in pixels.
@@ -90,51 +90,171 @@ impl Location<'_> {
 #[derive(Clone, Debug, Default)]
 pub struct ScaleSpace {
     levels: Levels,
+    /// The last rows of the image, doubled.
     doubled: Plane,
-    octaves: Vec<Vec<Plane>>,
+    octaves: Vec<Octave>,
+}
+
+/// The planes of an octave.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Octave {
+    planes: Vec<Plane>,
+    /// What each plane is made by, from the one before or from the image; of an octave that halves another, the
+    /// first is not used. There is one for the plane after the last that was built.
+    blurs: Vec<Blur>,
+}
+
+/// How much of a scale space is built, beyond what points are described in.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    /// No points of larger sigmas are looked for, in pixels of the image.
+    pub(crate) coarsest: f32,
+    /// Planes of each octave after the one that the next begins with.
+    pub(crate) n_more: usize,
+}
+
+/// Rows that have just been added to a plane of an octave.
+pub(crate) struct Grown<'a> {
+    pub(crate) octave_idx: usize,
+    pub(crate) layer: usize,
+    pub(crate) rows: Range<usize>,
+    /// Those up to this layer have all rows up to these.
+    pub(crate) planes: &'a [Plane],
+}
+
+impl Octave {
+    /// Those that were built, from the first on.
+    pub(crate) fn planes(&self) -> &[Plane] {
+        &self.planes
+    }
+
+    /// The values round a pixel that is not on the border, row by row: of a plane that was built, or the one after.
+    pub(crate) fn around(&self, layer: usize, column: usize, row: usize) -> [[f32; 3]; 3] {
+        match self.planes.get(layer) {
+            Some(plane) => {
+                let columns = plane.around(column);
+                [row - 1, row, row + 1].map(|y| columns.map(|x| plane.row(y)[x]))
+            }
+            None => self.blurs[layer].around(&self.planes[layer - 1], column, row),
+        }
+    }
+
+    /// Makes it one of `n_planes`.
+    fn resize(&mut self, n_planes: usize, size: (usize, usize), wraps: bool) {
+        self.planes.resize_with(n_planes, Plane::default);
+        self.planes.iter_mut().for_each(|plane| plane.resize(size, wraps));
+    }
+
+    /// Fills all planes, strip by strip: a plane is blurred where the one before has just been, while that is in the
+    /// cache. `first_rows` fills those of the first plane and says how many there are now.
+    fn fill(
+        &mut self,
+        octave_idx: usize,
+        mut first_rows: impl FnMut(&mut Plane, usize) -> usize,
+        mut grown: impl FnMut(Grown<'_>),
+    ) {
+        let height = self.planes[0].height;
+        let mut n_rows = vec![0; self.planes.len()];
+        while n_rows.last().is_some_and(|&n_rows| n_rows < height) {
+            for layer in 0..n_rows.len() {
+                let before = n_rows[layer];
+                let (finer, rest) = self.planes.split_at_mut(layer);
+                n_rows[layer] = match finer.last() {
+                    None if before == height => height,
+                    None => first_rows(&mut rest[0], before),
+                    Some(finer) => {
+                        let n_ready = self.blurs[layer].n_ready(finer.height, n_rows[layer - 1]);
+                        let blurred = rest[0].rows_mut(before..n_ready);
+                        self.blurs[layer].blur_rows(finer, before, blurred);
+                        n_ready
+                    }
+                };
+                let rows = before..n_rows[layer];
+                if !rows.is_empty() {
+                    grown(Grown { octave_idx, layer, rows, planes: &self.planes[..=layer] });
+                }
+            }
+        }
+    }
 }
 
 impl ScaleSpace {
-    /// Replaces it by that of an image: the levels that points of a sigma of at most `coarsest` pixels are at,
-    /// down to octaves of a few pixels. Its planes wrap where the image does.
-    pub fn build(&mut self, image: &Plane, levels: Levels, coarsest: f32) {
+    /// Replaces it by that of an image, down to octaves of a few pixels. Its planes wrap where the image does.
+    /// `grown` sees the planes grow.
+    pub(crate) fn build(
+        &mut self,
+        image: &Plane,
+        levels: Levels,
+        extent: Extent,
+        mut grown: impl FnMut(Grown<'_>),
+    ) {
         self.levels = levels;
-        let (base, blurred) = if levels.doubled {
-            image.double_into(&mut self.doubled);
-            (&self.doubled, 2.0 * CAMERA_SIGMA)
-        } else {
-            (image, CAMERA_SIGMA)
-        };
+        let camera_sigma = if levels.doubled { 2.0 * CAMERA_SIGMA } else { CAMERA_SIGMA };
+        let layer_sigma = |layer: usize| levels.sigma(layer as f32);
+        let to_next = |layer: usize| Blur::new(missing_sigma(layer_sigma(layer - 1), layer_sigma(layer)));
+        let first = std::iter::once(Blur::new(missing_sigma(camera_sigma, levels.sigma)));
+        let blurs: Vec<Blur> = first.chain((1..levels.n_layers + 3).map(to_next)).collect();
         // What the cast cannot hold is the largest number: all levels.
-        let last_level = levels.nearest(coarsest).max(0.0) as usize;
+        let last_level = levels.nearest(extent.coarsest).max(0.0) as usize;
+        let scale = if levels.doubled { 2 } else { 1 };
+        let mut size = (scale * image.width, scale * image.height);
         let mut n_octaves = 0;
         loop {
             let n_planes = last_level.saturating_add(1).saturating_sub(n_octaves * levels.n_layers);
-            self.octaves.resize_with(self.octaves.len().max(n_octaves + 1), Vec::new);
+            let n_planes = n_planes.clamp(1, levels.n_layers + 3);
+            let has_next = n_planes > levels.n_layers && size.0.min(size.1) >= 2 * MIN_SIDE;
+            self.octaves.resize_with(self.octaves.len().max(n_octaves + 1), Octave::default);
             let (finer, rest) = self.octaves.split_at_mut(n_octaves);
-            let planes = &mut rest[0];
-            planes.resize_with(n_planes.clamp(1, levels.n_layers + 3), Plane::default);
+            let octave = &mut rest[0];
+            // Points of larger sigmas are looked for in the next octave, where there is one.
+            let n_built = if has_next { levels.n_layers + 1 + extent.n_more } else { n_planes };
+            octave.resize(n_planes.min(n_built), size, image.wraps);
+            octave.blurs.clone_from(&blurs);
             match finer.last() {
-                None => base.blur_into(missing_sigma(blurred, levels.sigma), &mut planes[0]),
-                Some(finer) => finer[levels.n_layers].halve_into(&mut planes[0]),
+                Some(finer) => {
+                    let finer = &finer.planes[levels.n_layers];
+                    let halve = |plane: &mut Plane, n_rows: usize| {
+                        let end = (n_rows + Blur::STRIP).min(plane.height);
+                        finer.halve_rows(n_rows..end, plane);
+                        end
+                    };
+                    octave.fill(n_octaves, halve, &mut grown);
+                }
+                None => {
+                    let mut blur = blurs[0].clone();
+                    let ring = &mut self.doubled;
+                    let mut n_doubled = 0;
+                    if levels.doubled {
+                        // A strip ends anywhere between two doubled rows.
+                        ring.resize((size.0, blur.n_rows_at_once() + 2), image.wraps);
+                    }
+                    let blur_base = |plane: &mut Plane, n_rows: usize| {
+                        let end = (n_rows + Blur::STRIP).min(plane.height);
+                        if !levels.doubled {
+                            blur.blur_rows(image, n_rows, plane.rows_mut(n_rows..end));
+                            return end;
+                        }
+                        while blur.n_ready(size.1, n_doubled) < end {
+                            image.double_row(n_doubled / 2, ring);
+                            n_doubled += 2;
+                        }
+                        blur.blur_ring(ring, size.1, n_rows, plane.rows_mut(n_rows..end));
+                        end
+                    };
+                    octave.fill(n_octaves, blur_base, &mut grown);
+                }
             }
-            for layer in 1..planes.len() {
-                let (previous, next) = planes.split_at_mut(layer);
-                let [from, to] = [layer - 1, layer].map(|layer| levels.sigma(layer as f32));
-                previous[layer - 1].blur_into(missing_sigma(from, to), &mut next[0]);
-            }
-            let side = planes[0].width.min(planes[0].height);
-            let has_next = planes.len() > levels.n_layers && side >= 2 * MIN_SIDE;
             n_octaves += 1;
             if !has_next {
                 break;
             }
+            size = (size.0.div_ceil(2), size.1.div_ceil(2));
         }
         self.octaves.truncate(n_octaves);
     }
 
-    /// The planes of each octave.
-    pub fn octaves(&self) -> &[Vec<Plane>] {
+    /// From fine to coarse.
+    pub(crate) fn octaves(&self) -> &[Octave] {
         &self.octaves
     }
 
@@ -145,7 +265,7 @@ impl ScaleSpace {
         let level = self.levels.nearest(scale).max(0.0) as usize;
         // Of an octave, extrema are found in the layers 1 to n_layers.
         let octave_idx = (level.saturating_sub(1) / n_layers).min(self.octaves.len() - 1);
-        let octave = &self.octaves[octave_idx];
+        let octave = self.octaves[octave_idx].planes();
         let plane = &octave[(level - octave_idx * n_layers).min(octave.len() - 1)];
         let pixel = self.levels.pixel(octave_idx);
         Location { plane, x: x / pixel + first_turn(plane), y: y / pixel, scale: scale / pixel, pixel }
@@ -166,12 +286,17 @@ fn missing_sigma(from: f32, to: f32) -> f32 {
 mod tests {
     use super::*;
     use crate::image::Image;
+    use proptest::prelude::*;
 
     const LEVELS: Levels = Levels { sigma: 1.6, n_layers: 3, doubled: true };
 
+    fn build_again(space: &mut ScaleSpace, image: &Image, levels: Levels, coarsest: f32) {
+        space.build(&Plane::new(image, false), levels, Extent { coarsest, n_more: 2 }, |_| ());
+    }
+
     fn build(image: &Image, levels: Levels, coarsest: f32) -> ScaleSpace {
         let mut space = ScaleSpace::default();
-        space.build(&Plane::new(image, false), levels, coarsest);
+        build_again(&mut space, image, levels, coarsest);
         space
     }
 
@@ -186,7 +311,7 @@ mod tests {
         let pixels = (0..101 * 101).map(|idx| if idx == 50 * 101 + 50 { 255 } else { 0 }).collect();
         let image = Image::from_pixels(101, 101, pixels).unwrap();
         let space = build(&image, Levels { doubled: false, ..LEVELS }, f32::INFINITY);
-        for (layer, plane) in space.octaves()[0].iter().enumerate() {
+        for (layer, plane) in space.octaves()[0].planes().iter().enumerate() {
             let along = plane.row(50);
             let spread = along.iter().enumerate().map(|(x, value)| value * (x as f32 - 50.0).powi(2));
             let variance = spread.sum::<f32>() / along.iter().sum::<f32>();
@@ -202,13 +327,64 @@ mod tests {
             [(0.1, 0, 0), (0.8, 0, 0), (1.0, 0, 1), (1.6, 0, 3), (2.0, 1, 1), (3.2, 1, 3), (4.1, 2, 1)]
         {
             let location = space.locate((30.0, 20.0), scale);
-            assert!(std::ptr::eq(location.plane, &space.octaves()[octave_idx][layer]), "{scale}");
+            assert!(std::ptr::eq(location.plane, &space.octaves()[octave_idx].planes()[layer]), "{scale}");
             let pixel = [0.5, 1.0, 2.0][octave_idx];
             assert_eq!((location.x, location.y, location.pixel), (30.0 / pixel, 20.0 / pixel, pixel));
             assert_eq!(location.scale, scale / pixel);
         }
         let largest = space.locate((30.0, 20.0), 1e9).plane;
-        assert!(std::ptr::eq(largest, space.octaves().last().unwrap().last().unwrap()));
+        assert!(std::ptr::eq(largest, space.octaves().last().unwrap().planes().last().unwrap()));
+    }
+
+    proptest! {
+        #[test]
+        fn planes_grow_to_what_whole_ones_are(
+            (width, height) in (1usize..70, 1usize..70), doubled: bool, wraps: bool, n_layers in 1usize..4,
+            n_more in 0usize..2,
+        ) {
+            let image = Plane::new(&noise(width, height), wraps);
+            let levels = Levels { n_layers, doubled, ..LEVELS };
+            let mut space = ScaleSpace::default();
+            let mut n_rows = std::collections::BTreeMap::new();
+            let extent = Extent { coarsest: f32::INFINITY, n_more };
+            space.build(&image, levels, extent, |Grown { octave_idx, layer, rows, planes }| {
+                assert_eq!(planes.len(), layer + 1);
+                let before = n_rows.insert((octave_idx, layer), rows.end).unwrap_or(0);
+                assert_eq!(before, rows.start);
+            });
+            let blur = |plane: &Plane, layer: usize| {
+                let mut blurred = plane.clone();
+                let from = if layer == 0 { 0.5 * levels.pixel(0).recip() } else { levels.sigma(layer as f32 - 1.0) };
+                let mut blur = Blur::new(missing_sigma(from, levels.sigma(layer as f32)));
+                blur.blur_rows(plane, 0, blurred.rows_mut(0..plane.height));
+                blurred
+            };
+            let mut base = image.clone();
+            if doubled {
+                base.resize((2 * width, 2 * height), wraps);
+                (0..height).for_each(|y| image.double_row(y, &mut base));
+            }
+            let mut first = blur(&base, 0);
+            for (octave_idx, octave) in space.octaves().iter().enumerate() {
+                let planes = octave.planes();
+                let is_last = octave_idx + 1 == space.octaves().len();
+                prop_assert_eq!(planes.len(), n_layers + if is_last { 3 } else { 1 + n_more });
+                prop_assert_eq!(&planes[0], &first);
+                for layer in 1..planes.len() {
+                    // The same bits, whole or strip by strip.
+                    prop_assert_eq!(&planes[layer], &blur(&planes[layer - 1], layer));
+                    prop_assert_eq!(n_rows[&(octave_idx, layer)], planes[layer].height());
+                }
+                if !is_last && planes[0].width() > 2 {
+                    let next = blur(&planes[planes.len() - 1], planes.len());
+                    let expected = [0, 1, 2].map(|y| [0, 1, 2].map(|x| next.row(y)[x]));
+                    prop_assert_eq!(octave.around(planes.len(), 1, 1), expected);
+                }
+                let halved = planes[n_layers.min(planes.len() - 1)].clone();
+                first.resize((halved.width().div_ceil(2), halved.height().div_ceil(2)), wraps);
+                (0..first.height()).for_each(|y| halved.halve_rows(y..y + 1, &mut first));
+            }
+        }
     }
 
     #[test]
@@ -217,7 +393,7 @@ mod tests {
         let whole = build(&image, LEVELS, f32::INFINITY);
         let mut space = build(&noise(150, 200), Levels { n_layers: 4, ..LEVELS }, f32::INFINITY);
         for scale in [0.5, 1.0, 1.6, 2.0, 3.3] {
-            space.build(&Plane::new(&image, false), LEVELS, scale);
+            build_again(&mut space, &image, LEVELS, scale);
             let (found, expected) = (space.locate((5.0, 6.0), scale), whole.locate((5.0, 6.0), scale));
             assert_eq!(found.plane, expected.plane, "{scale}");
         }

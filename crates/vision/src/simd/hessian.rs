@@ -98,25 +98,47 @@ dispatch! {
 
 #[inline(always)]
 fn mark_peaks_kernel(layers: &[[&[f32]; 3]; 3], step: usize, threshold: f32, peaks: &mut [[u8; PEAK_BLOCK]]) {
-    for (block_idx, peaks) in peaks.iter_mut().enumerate() {
+    'blocks: for (block_idx, peaks) in peaks.iter_mut().enumerate() {
         let block = |layer: usize, row: usize, column: usize| -> [f32; PEAK_BLOCK] {
             let start = block_idx * PEAK_BLOCK + column * step;
             let mut block = [0.0; PEAK_BLOCK];
             block.copy_from_slice(&layers[layer][row][start..start + PEAK_BLOCK]);
             block
         };
+        let own = block(1, 1, 1);
         let mut highest = [threshold; PEAK_BLOCK];
-        for neighbor in (0..27).filter(|&neighbor| neighbor != 13) {
-            let responses = block(neighbor / 9, neighbor / 3 % 3, neighbor % 3);
-            for x in 0..PEAK_BLOCK {
-                highest[x] = if responses[x] > highest[x] { responses[x] } else { highest[x] };
+        *peaks = [0; PEAK_BLOCK];
+        if !exceeds_any(&own, &highest) {
+            continue;
+        }
+        // Where nothing stands out in its own layer, the others need not be looked at.
+        for layer in [1, 0, 2] {
+            for neighbor in 0..9 {
+                if (layer, neighbor) == (1, 4) {
+                    continue;
+                }
+                let responses = block(layer, neighbor / 3, neighbor % 3);
+                for x in 0..PEAK_BLOCK {
+                    highest[x] = if responses[x] > highest[x] { responses[x] } else { highest[x] };
+                }
+            }
+            if !exceeds_any(&own, &highest) {
+                continue 'blocks;
             }
         }
-        let own = block(1, 1, 1);
         for x in 0..PEAK_BLOCK {
             peaks[x] = u8::from(own[x] > highest[x]);
         }
     }
+}
+
+#[inline(always)]
+fn exceeds_any(own: &[f32; PEAK_BLOCK], highest: &[f32; PEAK_BLOCK]) -> bool {
+    let mut any = false;
+    for x in 0..PEAK_BLOCK {
+        any |= own[x] > highest[x];
+    }
+    any
 }
 
 #[cfg(test)]
