@@ -135,16 +135,16 @@ pub(crate) fn in_reading_order(a: &Keypoint, b: &Keypoint) -> Ordering {
     place.then(a.scale.total_cmp(&b.scale)).then(angle(a).total_cmp(&angle(b)))
 }
 
-/// Calls `visit(x, mark)` for each mark of a row that is not 0, from left to right.
-fn for_each_marked(marks: &[u8], mut visit: impl FnMut(usize, u8)) {
+/// Calls `visit(x)` for each mark of a row that is not 0, from left to right.
+fn for_each_marked(marks: &[u8], mut visit: impl FnMut(usize)) {
     // Most are 0: sixteen at a time are looked at first.
     const BLOCK: usize = 16;
     for (block_idx, block) in marks.chunks(BLOCK).enumerate() {
         if <[u8; BLOCK]>::try_from(block).is_ok_and(|block| u128::from_ne_bytes(block) == 0) {
             continue;
         }
-        for (offset, &mark) in block.iter().enumerate().filter(|&(_, &mark)| mark != 0) {
-            visit(block_idx * BLOCK + offset, mark);
+        for (offset, _) in block.iter().enumerate().filter(|&(_, &mark)| mark != 0) {
+            visit(block_idx * BLOCK + offset);
         }
     }
 }

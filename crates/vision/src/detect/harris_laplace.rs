@@ -192,7 +192,7 @@ impl Harris {
                 visit(&Corner { column, row, x, y, response: rows[1][column] });
             };
             simd::mark_maxima(rows, threshold, &mut self.marks);
-            for_each_marked(&self.marks, |x, _| visit(x + 1));
+            for_each_marked(&self.marks, |x| visit(x + 1));
             for &column in seam {
                 let around = rows.map(|row| measure.around(column).map(|column| row[column]));
                 let mut mark = [0];

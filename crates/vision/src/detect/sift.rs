@@ -139,14 +139,14 @@ impl Sift {
                 let rows = [0, 1, 2].map(|layer| [y - 1, y, y + 1].map(|y| layers[layer].row(y)));
                 let mut visit = |x: usize| found.push(Candidate { octave_idx, place: [x, y, layer] });
                 simd::mark_extrema(&rows, threshold, &mut marks);
-                for_each_marked(&marks, |x, _| visit(x + 1));
+                for_each_marked(&marks, |x| visit(x + 1));
                 if layers[0].wraps() {
                     let seam = [before_last, last, 0, after_first];
                     let rows = rows.map(|rows| rows.map(|row| seam.map(|x| row[x])));
                     let rows = rows.each_ref().map(|rows| rows.each_ref().map(|row| &row[..]));
                     let mut marks = [0; 2];
                     simd::mark_extrema(&rows, threshold, &mut marks);
-                    for_each_marked(&marks, |x, _| visit([last, 0][x]));
+                    for_each_marked(&marks, |x| visit([last, 0][x]));
                 }
             }
         });
