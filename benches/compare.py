@@ -57,6 +57,23 @@ class Worker:
         self.process.wait()
 
 
+class Peers:
+    """Answers each step from a process of its own: what one library loads slows others down."""
+
+    def __init__(self, *command):
+        self.command = command
+        self.workers = {}
+
+    def ask(self, step, camera, n_frames):
+        if step not in self.workers:
+            self.workers[step] = Worker(*self.command)
+        return self.workers[step].ask(step, camera, n_frames)
+
+    def close(self):
+        for worker in self.workers.values():
+            worker.close()
+
+
 def measure(rows, n_rounds, ours, theirs):
     """The answers of all rounds, by worker and question. The first round only warms up."""
     answers = {}
@@ -111,7 +128,7 @@ def main():
     python = sys.argv[1] if len(sys.argv) > 1 else None
     pin()
     ours = Worker(binary, "time", FOLDER)
-    theirs = Worker(python, ROOT / "benches" / "peers.py", FOLDER) if python else None
+    theirs = Peers(python, ROOT / "benches" / "peers.py", FOLDER) if python else None
     lines = []
     for rows, n_rounds in ((FRAMES, ROUNDS), (SLOW, max(1, ROUNDS // 5))):
         answers = measure(rows, n_rounds, ours, theirs)
