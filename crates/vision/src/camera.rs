@@ -154,10 +154,14 @@ impl View {
     /// `start + step`, `start + 2 step` and so on.
     pub fn mark_outside(&self, start: (f32, f32), step: (f32, f32), margin: f32, outside: &mut [u8]) {
         let position = |idx: usize| (start.0 + idx as f32 * step.0, start.1 + idx as f32 * step.1);
-        for (idx, outside) in outside.iter_mut().enumerate() {
-            let (x, y) = position(idx);
-            // No branch between the two: the compiler then works on several positions at once.
-            *outside = if self.in_frame(x, y, margin) & self.in_mirror(x, y, margin) { 0 } else { 255 };
+        if let Some(are_valid) = self.line_is_valid(start, step, outside.len(), margin) {
+            outside.fill(if are_valid { 0 } else { 255 });
+        } else {
+            for (idx, outside) in outside.iter_mut().enumerate() {
+                let (x, y) = position(idx);
+                // No branch between the two: the compiler then works on several positions at once.
+                *outside = if self.in_frame(x, y, margin) & self.in_mirror(x, y, margin) { 0 } else { 255 };
+            }
         }
         if let Some(hidden) = &self.hidden {
             for (idx, outside) in outside.iter_mut().enumerate() {
@@ -165,6 +169,35 @@ impl View {
                 *outside |= if hidden.none(x, y, margin) { 0 } else { 255 };
             }
         }
+    }
+
+    /// Whether the frame and the mirror hold all of `n` positions on a line, or the mirror none of them, where its ends
+    /// and the place that is nearest to the mirror's center tell.
+    fn line_is_valid(&self, start: (f32, f32), step: (f32, f32), n: usize, margin: f32) -> Option<bool> {
+        // Far more than rounding makes of it, in pixels.
+        const SLACK: f32 = 0.01;
+        let n_steps = n.saturating_sub(1) as f32;
+        let at = |n_steps: f32| (start.0 + n_steps * step.0, start.1 + n_steps * step.1);
+        let end = at(n_steps);
+        let is_in_frame = [start, end].into_iter().all(|(x, y)| self.in_frame(x, y, margin + SLACK));
+        let Projection::Omnidirectional(mirror) = self.projection else {
+            return is_in_frame.then_some(true);
+        };
+        let width = self.width as f32;
+        let center = (mirror.center_x * width, mirror.center_y * width);
+        let radius = |(x, y): (f32, f32)| {
+            let (dx, dy) = (x - center.0, y - center.1);
+            (dx * dx + dy * dy).sqrt()
+        };
+        let to_center = (center.0 - start.0) * step.0 + (center.1 - start.1) * step.1;
+        let foot = to_center / (step.0 * step.0 + step.1 * step.1);
+        let least = radius(at(foot.clamp(0.0, n_steps)));
+        let most = radius(start).max(radius(end));
+        let (inner, outer) = (mirror.inner_radius * width + margin, mirror.outer_radius * width - margin);
+        if least > outer + SLACK || most < inner - SLACK {
+            return Some(false);
+        }
+        (is_in_frame && least > inner + SLACK && most < outer - SLACK).then_some(true)
     }
 
     /// Whether every pixel of the frame is valid.
@@ -281,6 +314,7 @@ impl HiddenCount {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
 
     fn omnidirectional() -> Camera {
         let mirror = Mirror { center_x: 0.5, center_y: 0.375, inner_radius: 0.1, outer_radius: 0.3 };
@@ -308,20 +342,30 @@ mod tests {
         assert_eq!(Camera::new(Projection::Perspective).view(9, 9).radial_direction(1.0, 1.0), None);
     }
 
-    #[test]
-    fn marking_a_line_equals_asking_for_each_position() {
-        let mask = Image::from_pixels(3, 1, vec![0, 255, 255]).unwrap();
-        let masked = Camera { mask: Some(Mask::new(mask)), ..omnidirectional() };
-        for camera in [omnidirectional(), masked, Camera::new(Projection::Equirectangular)] {
+    proptest! {
+        #[test]
+        fn marking_a_line_equals_asking_for_each_position(
+            start in (-20.0f32..120.0, -20.0f32..100.0), step in (-1.5f32..1.5, -1.5f32..1.5), n in 1usize..90,
+            is_whole_step: bool, margin in 0.0f32..4.0, kind in 0usize..5,
+        ) {
+            let mask = Image::from_pixels(3, 1, vec![0, 255, 255]).unwrap();
+            let camera = [
+                omnidirectional(),
+                Camera { mask: Some(Mask::new(mask)), ..omnidirectional() },
+                Camera::new(Projection::Equirectangular),
+                Camera::new(Projection::Perspective),
+                Camera::new(Projection::Omnidirectional(Mirror {
+                    center_x: 0.6, center_y: 0.3, inner_radius: 0.01, outer_radius: 0.02,
+                })),
+            ][kind].clone();
             let view = camera.view(100, 75);
-            let (start, step) = ((-5.0, -5.0), (1.25, 0.9375));
-            let mut outside = [7; 90];
-            view.mark_outside(start, step, 2.0, &mut outside);
-            for (idx, &outside) in outside.iter().enumerate() {
+            let step = if is_whole_step { (step.0.round(), step.1.round()) } else { step };
+            let mut outside = vec![7; n];
+            view.mark_outside(start, step, margin, &mut outside);
+            for (idx, outside) in outside.into_iter().enumerate() {
                 let (x, y) = (start.0 + idx as f32 * step.0, start.1 + idx as f32 * step.1);
-                assert_eq!(outside, if view.contains(x, y, 2.0) { 0 } else { 255 });
+                prop_assert_eq!(outside, if view.contains(x, y, margin) { 0 } else { 255 });
             }
-            assert!(outside.contains(&0) && outside.contains(&255));
         }
     }
 
