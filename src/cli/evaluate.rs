@@ -10,7 +10,7 @@ use anyhow::bail;
 use clap::Args;
 use roomsight_lab::dataset::Described;
 use roomsight_lab::evaluate::{Evaluation, Knowledge, PoseErrors};
-use roomsight_lab::validate::{self, Answered};
+use roomsight_lab::validate::{self, Answered, EarlyWorth};
 use roomsight_recognition::filter::Trust;
 use roomsight_recognition::model::{Extractor, Sample};
 use serde::Serialize;
@@ -65,6 +65,9 @@ struct Report {
     evaluation: Evaluation,
     /// What "known" is worth.
     knowledge: Knowledge,
+    /// What it is worth that sure frames are answered without asking all opinions, of models that do so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    early: Option<EarlyWorth>,
     /// How far off estimated poses are, of models and frames that have some.
     #[serde(skip_serializing_if = "Option::is_none")]
     poses: Option<PoseErrors>,
@@ -116,6 +119,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
         n_learned,
         evaluation: evaluate(&answers),
         knowledge: validate::knowledge(&described, &answers),
+        early: EarlyWorth::measure(&model, (&dataset, &described), &answers, &args.limits.limits()),
         poses: validate::poses(&model, &dataset, &described),
         by_sequence: by_sequence.map(|(name, answers)| (name, evaluate(&answers))).collect(),
         streams,
@@ -168,6 +172,16 @@ fn print(report: &Report) -> io::Result<()> {
     }
     output::print_evaluation(&report.evaluation)?;
     output::print_knowledge(&report.knowledge)?;
+    if let Some(EarlyWorth { early, right, right_by_all, frame_ms, frame_ms_by_all }) = &report.early {
+        say!(
+            "Answered without asking all opinions: {} of {} frames, {} right where asking all answers {} right. A frame takes \
+             {frame_ms:.1} ms on average, asking all {frame_ms_by_all:.1} ms.",
+            early.n_correct,
+            early.n_frames,
+            right.n_correct,
+            right_by_all.n_correct
+        )?;
+    }
     if let Some(PoseErrors { n_frames, median, percentile_90, median_heading, .. }) = &report.poses {
         say!(
             "Poses of {n_frames} frames: off by {median:.2} m (middle), {percentile_90:.2} m (nine of ten), \

@@ -6,7 +6,7 @@ use comfy_table::{ColumnConstraint, ContentArrangement, Table, TableComponent, p
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use roomsight_lab::evaluate::{Evaluation, Knowledge, N_BINS, Rate};
 use roomsight_protocol::rest::NetworkInfo;
-use roomsight_recognition::model::{Addition, Card};
+use roomsight_recognition::model::{Addition, Card, EarlyAnswers};
 use std::ops::Deref;
 use std::path::Path;
 use std::{env, io};
@@ -168,6 +168,9 @@ pub fn card_rows(card: &Card) -> Vec<(&'static str, String)> {
         let why = format!("{}: right on held-out frames: {}", choice.tally().name, tried.join(", "));
         rows.push(("chosen", why));
     }
+    if let Some(early) = &card.early {
+        rows.push(("without asking all", early_text(early)));
+    }
     for Addition { sequence, n_frames, forget, n_before, n_left } in &card.additions {
         let trade = format!("kept {n_before} before, {n_left} since, at --forget {forget}");
         rows.push(("added later", format!("{n_frames} frames: {sequence} ({trade})")));
@@ -177,6 +180,13 @@ pub fn card_rows(card: &Card) -> Vec<(&'static str, String)> {
     }
     rows.push(("trained by", card.trained_by.clone()));
     rows
+}
+
+/// How held-out frames were answered without asking all opinions.
+pub fn early_text(EarlyAnswers { n_held_out, n_frames, n_right, n_right_by_all }: &EarlyAnswers) -> String {
+    format!(
+        "{n_frames} of {n_held_out} held-out frames, {n_right} right where asking all answers {n_right_by_all} right"
+    )
 }
 
 /// Prints the rates and the confusion matrix where it fits the terminal, with names of rooms cut short if need be; else the rate

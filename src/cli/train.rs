@@ -79,7 +79,7 @@ pub(super) struct TrainArgs {
     #[command(flatten)]
     cache: CacheArgs,
     /// Add the frames to what this model has learned; its configuration, camera and words stay
-    #[arg(long, value_name = "MODEL", conflicts_with_all = ["config", "parameters", "precision", "opinions", "effort", "mask", "camera"])]
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["config", "parameters", "precision", "early_precision", "opinions", "effort", "mask", "camera"])]
     add: Option<PathBuf>,
     /// With --add, of kernel machines: drop support vectors of which the others make up all but this share. 0 loses nothing,
     /// more makes a smaller and faster model that answers a little worse
@@ -220,6 +220,9 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     if let Some(choice) = &card.choice {
         say!("\n{}", choices(choice))?;
     }
+    if let Some(early) = &card.early {
+        say!("\nWithout asking all opinions: {}.", output::early_text(early))?;
+    }
     if args.add.is_some() {
         say!("\n{}", additions(&card.additions))?;
     }
@@ -352,7 +355,7 @@ fn train(args: &TrainArgs) -> anyhow::Result<Trained> {
         n_frames: samples.iter().filter(|sample| !sample.is_elsewhere()).count(),
         sequences: sequences.into_iter().map(str::to_owned).collect(),
         choice: choice.filter(|choice| choice.tallies.len() > 1),
-        ..Card::default()
+        ..training.model.card().clone()
     };
     Ok(Trained { training, card, dataset, described, held_out })
 }

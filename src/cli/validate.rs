@@ -100,6 +100,8 @@ struct Report {
     /// What answering a frame takes, where that was measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     cost: Option<Cost>,
+    /// Frames, over all seeds, and those of them that were answered without asking all opinions.
+    early: Rate,
     /// How often each candidate was preferred.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
     preferred: BTreeMap<String, usize>,
@@ -306,6 +308,7 @@ impl Report {
             mean_by_room: None,
             without_border: None,
             cost: None,
+            early: Rate::new(0, 0),
             preferred: BTreeMap::new(),
             evaluations: Vec::new(),
             knowledge: Vec::new(),
@@ -323,6 +326,8 @@ impl Report {
     ) {
         let is_trained = |answer: &&Answered| !left_out.contains(&described.samples[answer.sample_idx].room);
         let of_trained: Vec<Answered> = answers.iter().filter(is_trained).cloned().collect();
+        let n_early = answers.iter().filter(|answered| answered.recognition.is_early).count();
+        self.early = Rate::new(self.early.n_correct + n_early, self.early.n_frames + answers.len());
         self.evaluations.push(validate::evaluate(dataset, described, &of_trained));
         self.knowledge.push(validate::knowledge(described, answers));
     }
@@ -343,8 +348,16 @@ impl Report {
 
 /// What "known" is worth, summed over seeds.
 fn print_knowledge(reports: &[Report]) -> io::Result<()> {
-    let mut table =
-        output::table(["answered", "opinions", "known right", "right known", "new unknown", "AUROC", "ECE"]);
+    let mut table = output::table([
+        "answered",
+        "opinions",
+        "known right",
+        "right known",
+        "new unknown",
+        "AUROC",
+        "ECE",
+        "early",
+    ]);
     for report in reports {
         let sum = |of: fn(&Knowledge) -> &Rate| {
             let rates = || report.knowledge.iter().map(of);
@@ -366,6 +379,7 @@ fn print_knowledge(reports: &[Report]) -> io::Result<()> {
             share(&sum(|knowledge| &knowledge.new_unknown)),
             mean(|knowledge| knowledge.auroc),
             mean(|knowledge| knowledge.calibration_error),
+            output::rate(&report.early),
         ]);
     }
     say!("\n{table}")

@@ -11,7 +11,7 @@ use crate::engine::timings::Timings;
 use crate::engine::told::{by_probability, unknown};
 use crate::problem::{Kind, Problem};
 use roomsight_protocol::training::PublishedVersion;
-use roomsight_recognition::model::{Evidence, NearFrame, PoseEstimate, Recognition, Scratch};
+use roomsight_recognition::model::{Evidence, Looking, NearFrame, PoseEstimate, Recognition, Scratch};
 use roomsight_vision::image::{Image, ImageError};
 use std::cell::Cell;
 use std::sync::{Arc, Weak};
@@ -277,15 +277,26 @@ fn compare(engine: &Engine, permit: ShadowPermit, image: &Image, seen: &Seen) {
 
 fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
     let model = &served.model;
-    let (features, features_time) =
-        timed(&debug_span!("features"), || with_scratch(&served, |scratch| model.features(image, scratch)));
-    let (recognition, classify) = timed(&debug_span!("classify"), || model.classify(&features));
-    let why = explain.then(|| Reasons {
-        evidence: model.explain(&features, recognition.room_idx),
-        nearest: model.nearest(&features, N_NEAREST),
-        pose: model.pose(&features),
+    let mut looking = Looking::default();
+    let (mut features, mut classify) = (Duration::ZERO, Duration::ZERO);
+    let recognition = loop {
+        let look = || with_scratch(&served, |scratch| model.look(&mut looking, image, scratch));
+        features += timed(&debug_span!("features"), look).1;
+        let (answer, time) = timed(&debug_span!("classify"), || model.answer(&mut looking));
+        classify += time;
+        if let Some(recognition) = answer {
+            break recognition;
+        }
+    };
+    let why = explain.then(|| {
+        let features = with_scratch(&served, |scratch| model.look_at_all(looking, image, scratch));
+        Reasons {
+            evidence: model.explain(&features, recognition.room_idx),
+            nearest: model.nearest(&features, N_NEAREST),
+            pose: model.pose(&features),
+        }
     });
-    let timings = Timings { features: features_time, classify, ..Timings::default() };
+    let timings = Timings { features, classify, ..Timings::default() };
     let damaged_rows = image.damaged_rows();
     Seen { recognition, why, damaged_rows, timings, served, doubtable: None }
 }

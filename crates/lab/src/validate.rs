@@ -2,9 +2,11 @@
 //! splits and seeds.
 
 mod cost;
+mod early;
 mod teams;
 
 pub use cost::{Cost, median, timed};
+pub use early::EarlyWorth;
 pub use teams::{Method, Team, Trained, teams};
 
 use crate::dataset::{Dataset, Described};

@@ -8,6 +8,7 @@
 
 mod add;
 mod card;
+mod cascade;
 mod choose;
 mod config;
 mod effort;
@@ -20,6 +21,7 @@ mod held_out;
 mod known;
 mod learned;
 mod left_out;
+mod looking;
 mod nearest;
 #[cfg(test)]
 mod network_tests;
@@ -49,7 +51,7 @@ pub use crate::opinions::{
     Size, Tries, VectorConfig,
 };
 pub use add::Forgotten;
-pub use card::{Addition, Card, Choice, Measurement, Tally};
+pub use card::{Addition, Card, Choice, EarlyAnswers, Measurement, Tally};
 pub use choose::{
     Candidate, HeldOutAnswers, LeftOut, Preferred, all_opinions, answer_held_out, train_preferred,
 };
@@ -62,6 +64,7 @@ pub use folder::{
     networks_of, write_about,
 };
 pub use golden::{GOLDEN_FOLDER, GoldenFrame};
+pub use looking::Looking;
 pub use nearest::NearFrame;
 pub use pose::{Pose, PoseEstimate};
 pub use sample::{ELSEWHERE, Sample};
@@ -73,6 +76,7 @@ use crate::classify::svm::most_probable;
 use crate::file::networks;
 use crate::filter::{Observation, RoomFilter, Transitions};
 use crate::opinions::{Clue, Likeness, Opinion, Said, pool};
+use cascade::Early;
 use held_out::HeldOutFrames;
 use known::Known;
 use learned::LearnedFrames;
@@ -101,6 +105,8 @@ pub struct Recognition {
     pub probabilities: Vec<f32>,
     /// The number of keypoints the answer rests on.
     pub n_keypoints: usize,
+    /// Whether cheap opinions were so sure that the others were not asked.
+    pub is_early: bool,
 }
 
 /// Why an answer is not known.
@@ -172,6 +178,8 @@ pub struct Model {
     rooms: Vec<String>,
     extractor: Extractor,
     classification: Classification,
+    /// Who answers alone where that is sure, in the order of being asked; none where all are always asked.
+    early: Vec<Early>,
     transitions: Transitions,
     /// What it has learned; nothing in files that do not say.
     learned: LearnedFrames,
@@ -302,19 +310,9 @@ impl Model {
         self.extractor.decode(bytes, limits)
     }
 
-    /// Which room a frame shows.
-    pub fn recognize(&self, image: &Image, scratch: &mut Scratch) -> Recognition {
-        self.classify(&self.features(image, scratch))
-    }
-
-    /// Detects and describes: the first half of [`Model::recognize`].
+    /// Detects and describes all that its opinions look at.
     pub fn features(&self, image: &Image, scratch: &mut Scratch) -> Features {
         self.extractor.extract(image, scratch)
-    }
-
-    /// Counts words and weighs them: the second half of [`Model::recognize`].
-    pub fn classify(&self, features: &Features) -> Recognition {
-        self.classification.classify(&self.config, features)
     }
 
     /// What spoke for and against a room, the strongest first: of each opinion that can tell, in units of its own
@@ -344,11 +342,17 @@ impl Model {
 }
 
 impl Classification {
-    fn classify(&self, config: &Config, features: &Features) -> Recognition {
-        let said = self.said(features);
-        let (probabilities, novelty) = self.answer(config, &said);
+    /// The answer to a frame of which opinions say this, of what they saw.
+    fn recognition(
+        &self,
+        config: &Config,
+        said: &[Option<Said>],
+        seen: &[&Seen],
+        flaw: Option<Flaw>,
+    ) -> Recognition {
+        let (probabilities, novelty) = self.answer(config, said);
         let known = self.known.filter(|_| said.iter().any(Option::is_some));
-        Recognition::new(probabilities, novelty, known, features)
+        Recognition::new(probabilities, novelty, known, seen, flaw)
     }
 
     /// The rooms' probabilities for a frame of which opinions say this, and how new it is, where any says something.
@@ -380,13 +384,19 @@ impl Classification {
 }
 
 impl Recognition {
-    /// The answer to a frame, where so much is known.
-    fn new(probabilities: Vec<f32>, novelty: Option<f32>, known: Option<Known>, features: &Features) -> Self {
+    /// The answer to a frame of which this was seen, where so much is known.
+    fn new(
+        probabilities: Vec<f32>,
+        novelty: Option<f32>,
+        known: Option<Known>,
+        seen: &[&Seen],
+        flaw: Option<Flaw>,
+    ) -> Self {
         let room_idx = most_probable(&probabilities);
         let is_trusted = known.is_some_and(|known| known.holds(probabilities[room_idx], novelty));
         let is_new = novelty.is_some_and(|novelty| novelty > known.map_or(EVEN, |known| known.most_novelty));
-        let nothing_seen = features.seen.iter().all(Seen::is_nothing);
-        let unknown = match features.flaw {
+        let nothing_seen = seen.iter().all(|seen| seen.is_nothing());
+        let unknown = match flaw {
             Some(Flaw::Dark) => Some(Unknown::Dark),
             Some(Flaw::Covered) => Some(Unknown::Covered),
             Some(Flaw::Flat) => Some(Unknown::NoDetail),
@@ -395,8 +405,10 @@ impl Recognition {
             None if is_new => Some(Unknown::NewPlace),
             None => Some(Unknown::Unsure),
         };
-        let n_keypoints = features.n_keypoints();
-        Self { room_idx, known: unknown.is_none(), novelty, unknown, probabilities, n_keypoints }
+        let n_keypoints =
+            seen.iter().filter_map(|seen| seen.local()).map(|local| local.keypoints.len()).sum();
+        let known = unknown.is_none();
+        Self { room_idx, known, novelty, unknown, probabilities, n_keypoints, is_early: false }
     }
 }
 

@@ -44,6 +44,11 @@ pub(in crate::cli) struct ConfigArgs {
     /// [default: 0.95, or as configured]
     #[arg(long, value_name = "SHARE", value_parser = precision)]
     precision: Option<f32>,
+    /// How often answers are to be right that cheap opinions give alone, from 0 to 1, such as 0.99: a network is looked through
+    /// only where the others are not so sure, unless held-out frames are too few to show it. 1 always asks all
+    /// [default: 1, or as configured]
+    #[arg(long, value_name = "SHARE", value_parser = early_precision)]
+    early_precision: Option<f64>,
     /// Take these opinions of the configuration only
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     opinions: Vec<String>,
@@ -78,6 +83,12 @@ impl From<EffortName> for Effort {
 
 /// Reads a share.
 fn precision(text: &str) -> Result<f32, String> {
+    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+    share.ok_or_else(|| "it must be from 0 to 1".to_owned())
+}
+
+/// Reads a share.
+fn early_precision(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
     share.ok_or_else(|| "it must be from 0 to 1".to_owned())
 }
@@ -146,10 +157,11 @@ impl ConfigArgs {
         Ok(configs.into_iter().try_for_each(|config| config.link(&networks))?)
     }
 
-    /// With the promise that was asked for.
+    /// With the promises that were asked for.
     fn promising(&self, mut config: Config) -> Config {
         let precision = self.precision.unwrap_or(config.calibration.known_precision);
         config.calibration.known_precision = precision;
+        config.early_precision = self.early_precision.unwrap_or(config.early_precision);
         config
     }
 
@@ -199,6 +211,7 @@ impl ConfigArgs {
             config: None,
             parameters: parameters.to_vec(),
             precision: None,
+            early_precision: None,
             opinions: Vec::new(),
             networks: PathBuf::from("networks"),
             mask: None,

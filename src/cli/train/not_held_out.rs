@@ -83,6 +83,7 @@ mod tests {
             unknown: None,
             probabilities: vec![1.0],
             n_keypoints: 1,
+            is_early: false,
         };
         HeldOut { sample_idx, recognition }
     }

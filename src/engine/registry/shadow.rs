@@ -108,6 +108,7 @@ mod tests {
             unknown: None,
             probabilities: probabilities.to_vec(),
             n_keypoints: 9,
+            is_early: false,
         };
         let (ab, bc) = (rooms(&["a", "b"]), rooms(&["b", "c"]));
         let (one, same, turned) = (answer(&[0.75, 0.25]), answer(&[0.25, 0.75]), answer(&[0.75, 0.25]));

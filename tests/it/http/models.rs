@@ -208,7 +208,7 @@ async fn what_does_not_work_is_refused_with_its_reason_and_the_old_version_serve
         ("a header beyond the file", header_of(1 << 30), "header"),
         ("other frames", other_packed(&[golden("y")]), "golden frame"),
         ("other rooms", other_packed(&[golden("stripes")]), "golden frame"),
-        ("a newer format", text("\\\"format_version\\\":2", "\\\"format_version\\\":3"), "format version 3"),
+        ("a newer format", text("\\\"format_version\\\":2", "\\\"format_version\\\":4"), "format version 4"),
         ("an older format", text("\\\"format_version\\\":2", "\\\"format_version\\\":0"), "format version 0"),
     ];
     let with_nan = |(array, body)| (array, body, "the model is damaged");

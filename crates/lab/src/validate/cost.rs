@@ -7,7 +7,7 @@ use serde::Serialize;
 use std::time::Instant;
 
 /// At most this many frames are timed, spread evenly over the data set.
-const MAX_FRAMES: usize = 60;
+pub(super) const MAX_FRAMES: usize = 60;
 
 /// Medians over frames, on one thread; and the size of the model.
 #[derive(Clone, Debug, PartialEq, Serialize)]

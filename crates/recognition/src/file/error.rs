@@ -2,8 +2,11 @@
 
 use roomsight_vision::network::NetworkError;
 
-/// The version of the file's layout that is written.
-pub const FORMAT_VERSION: u32 = 2;
+/// The last version of the file's layout.
+pub const FORMAT_VERSION: u32 = 3;
+
+/// The version of models that always ask all opinions.
+pub(crate) const VERSION_OF_ALL: u32 = 2;
 
 /// Why bytes are no model; the text says what is wrong.
 #[derive(Debug, thiserror::Error)]

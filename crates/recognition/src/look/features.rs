@@ -41,4 +41,14 @@ impl Features {
     pub fn n_keypoints(&self) -> usize {
         self.keypoints().count()
     }
+
+    /// What some of the sights saw.
+    pub(crate) fn through(&self, sights: &[Sight]) -> Vec<&Seen> {
+        sights.iter().filter_map(|sight| self.of(sight)).collect()
+    }
+
+    /// What each sight saw.
+    pub(crate) fn by_sight(self) -> Vec<(Sight, Seen)> {
+        self.sights.iter().cloned().zip(self.seen).collect()
+    }
 }

@@ -7,6 +7,7 @@ use roomsight_vision::describe::{Descriptor, FrameLbp, SiftDescriptor};
 use roomsight_vision::detect::Detector;
 use roomsight_vision::matrix::Matrix;
 use roomsight_vision::network::XFeat;
+use roomsight_vision::plane::Levels;
 use serde::Serialize;
 
 /// The most memory that the scale space of one frame may take.
@@ -41,6 +42,17 @@ pub enum Sight {
         /// The most keypoints of a frame.
         target: usize,
     },
+}
+
+/// What a look at a frame costs, about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum LookCost {
+    /// A millisecond or two.
+    Cheap,
+    /// That of a scale space.
+    ScaleSpace,
+    /// That of a network.
+    Network,
 }
 
 /// What is seen of a frame in one way.
@@ -113,17 +125,22 @@ impl Sight {
     }
 }
 
+/// Those of the scale space that is looked at, if one is.
+fn levels(detector: &Detector, descriptor: &Descriptor) -> Option<Levels> {
+    match (detector.levels(), descriptor) {
+        (Some(levels), _) => Some(levels),
+        (None, Descriptor::Sift(_)) => Some(SiftDescriptor::LEVELS),
+        _ => None,
+    }
+}
+
 /// Refuses frames whose blurred copies would fill the memory of the machine.
 fn check_scale_space(
     detector: &Detector,
     descriptor: &Descriptor,
     longest_side: usize,
 ) -> Result<(), String> {
-    let levels = match (detector.levels(), descriptor) {
-        (Some(levels), _) => levels,
-        (None, Descriptor::Sift(_)) => SiftDescriptor::LEVELS,
-        _ => return Ok(()),
-    };
+    let Some(levels) = levels(detector, descriptor) else { return Ok(()) };
     let n_bytes = levels.max_bytes(longest_side);
     if n_bytes > MAX_SCALE_SPACE_BYTES {
         return Err(format!(
@@ -136,6 +153,18 @@ fn check_scale_space(
 }
 
 impl Sight {
+    /// What it costs.
+    pub(crate) fn cost(&self) -> LookCost {
+        match self {
+            Self::Keypoints { detector, descriptor } => match levels(detector, descriptor) {
+                Some(_) => LookCost::ScaleSpace,
+                None => LookCost::Cheap,
+            },
+            Self::Patterns(_) => LookCost::Cheap,
+            Self::Vector(_) | Self::Grid { .. } | Self::XFeat { .. } => LookCost::Network,
+        }
+    }
+
     /// The network that it looks through, if it does.
     pub(crate) fn lens(&self) -> Option<&Lens> {
         match self {

@@ -12,12 +12,13 @@
 //! held-out folds, they are the values of opinions that had learned less, so the new model is rather better
 //! than they say.
 
+mod refit;
+
 use super::Classification;
 use crate::filter::Transitions;
 use crate::look::sight::Seen;
 use crate::model::card::{Addition, Card};
-use crate::model::held_out::{Decided, Fusion, HeldOutFrames};
-use crate::model::known::Known;
+use crate::model::held_out::Decided;
 use crate::model::learned::LearnedFrames;
 use crate::model::sample::Sample;
 use crate::model::training::{HeldOut, Training, TrainingStep};
@@ -25,6 +26,7 @@ use crate::model::{Model, Recognition};
 use crate::opinions::error::{AddError, TrainError};
 use crate::opinions::{Added, Left, Opinion};
 use rayon::prelude::*;
+use refit::Refitted;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -90,8 +92,8 @@ impl Model {
         }
         let left_out = left_out.thinned();
         let opinions = self.classification.opinions.clone();
-        let classification = self.refitted(opinions, [&self.held_out, &left_out], n_rooms)?;
-        Ok(Self { classification, left_out, ..self })
+        let refitted = Refitted::of(&self, opinions, [&self.held_out, &left_out], n_rooms)?;
+        Ok(Self { left_out, ..refitted.taken_by(self) })
     }
 
     /// Whether [`Model::add`] can go on from this model with frames of these sequences.
@@ -150,8 +152,9 @@ impl Model {
         if let Forgotten::Drive(drive) = forgotten {
             card.sequences.retain(|sequence| sequence != drive);
         }
-        let classification = self.refitted(opinions, [&held_out, &left_out], rooms.len())?;
-        Ok(Self { rooms, classification, learned, held_out, left_out, transitions, card, ..self.clone() })
+        let refitted = Refitted::of(self, opinions, [&held_out, &left_out], rooms.len())?;
+        let model = refitted.taken_by(Self { card, ..self.clone() });
+        Ok(Self { rooms, learned, held_out, left_out, transitions, ..model })
     }
 
     fn never_learned(&self, forgotten: Forgotten) -> AddError {
@@ -169,32 +172,6 @@ impl Model {
             format!("it has learned {}", known.join(", "))
         };
         AddError::NeverLearned { what, name: name.to_owned(), learned }
-    }
-
-    /// Opinions calibrated and weighed anew.
-    fn refitted(
-        &self,
-        mut opinions: Vec<Opinion>,
-        [held_out, left_out]: [&HeldOutFrames; 2],
-        n_rooms: usize,
-    ) -> Result<Classification, TrainError> {
-        let decided: Vec<&Decided> = held_out.iter().collect();
-        let fusion = Fusion::fit(&self.config, n_rooms, &decided, &decided)?;
-        // What tells new places was fitted to all rooms of before, and stays.
-        let novelty = self.classification.novelty.clone();
-        let outcome = |decided: &Decided| {
-            let answer = fusion.answer(&self.config, decided, n_rooms);
-            answer.outcome(novelty.as_ref().map(|novelty| novelty.of(&answer.signs)))
-        };
-        let [of_held_out, of_left_out] =
-            [held_out, left_out].map(|frames| frames.iter().map(outcome).collect::<Vec<_>>());
-        let known = Known::choose(&of_held_out, &of_left_out, &self.config.calibration);
-        let doubt = fusion.doubt;
-        let fitted = fusion.calibrations.into_iter().zip(fusion.weights);
-        for (opinion, (calibration, weight)) in opinions.iter_mut().zip(fitted) {
-            (opinion.calibration, opinion.weight) = (calibration, weight);
-        }
-        Ok(Classification { n_rooms, opinions, doubt, novelty, known })
     }
 }
 
@@ -229,23 +206,15 @@ impl Drive<'_> {
         let mut learned = model.learned.renumbered(&of_earlier);
         learned.extend(self.samples().map(|sample| (sample, index_of(&rooms, &sample.room))));
         let opinions = self.learn(&model, &learned, &of_earlier, &rooms)?;
-        let classification = model.refitted(opinions, [&decisions, &left_out], rooms.len())?;
-        let card = self.on_card(&model, &classification);
+        let refitted = Refitted::of(&model, opinions, [&decisions, &left_out], rooms.len())?;
+        let card = self.on_card(&model, &refitted.classification);
         // What was learned of the earlier rooms says nothing of how robots move to a new one.
         let is_same = rooms == model.rooms;
         let transitions =
             if is_same { model.transitions.clone() } else { Transitions::unlearned(rooms.len()) };
-        let earlier = model.clone();
-        let model = Model {
-            rooms,
-            classification,
-            learned,
-            held_out: decisions.thinned(),
-            left_out,
-            transitions,
-            card,
-            ..earlier
-        };
+        let held_out_frames = decisions.thinned();
+        let earlier = refitted.taken_by(Model { card, ..model });
+        let model = Model { rooms, learned, held_out: held_out_frames, left_out, transitions, ..earlier };
         Ok(Training { model, held_out, are_single_frames })
     }
 

@@ -21,6 +21,9 @@ pub struct Card {
     /// Among what its opinions were chosen, where there was a choice.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub choice: Option<Choice>,
+    /// How held-out frames were answered without the costlier opinions, of models that do without where the others are sure.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub early: Option<EarlyAnswers>,
     /// Which of the sequences were added later, in their order.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub additions: Vec<Addition>,
@@ -39,6 +42,19 @@ pub struct Addition {
     pub n_before: usize,
     /// What they keep since.
     pub n_left: usize,
+}
+
+/// Held-out frames that were answered without the costlier opinions.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct EarlyAnswers {
+    /// All held-out frames.
+    pub n_held_out: usize,
+    /// Those that were answered so.
+    pub n_frames: usize,
+    /// Those of them that were answered with the right room.
+    pub n_right: usize,
+    /// Those of them that all opinions together would have answered with the right room.
+    pub n_right_by_all: usize,
 }
 
 /// A rate of correct answers.

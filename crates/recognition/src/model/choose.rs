@@ -2,7 +2,7 @@
 
 use crate::model::card::{Choice, Tally};
 use crate::model::config::Config;
-use crate::model::held_out::TELLABLE;
+use crate::model::held_out::{TELLABLE, is_clear_gain};
 use crate::model::sample::Sample;
 use crate::model::training::{HeldOut, Training, TrainingStep};
 use crate::model::trials::{Trials, Unit};
@@ -182,8 +182,7 @@ fn choose(trials: &Trials, candidates: &[Candidate]) -> Result<Choice, TrainErro
 fn is_clearly_better(candidate: &[bool], best: &[bool]) -> bool {
     let only =
         |one: &[bool], other: &[bool]| one.iter().zip(other).filter(|(one, other)| **one && !**other).count();
-    let (gained, lost) = (only(candidate, best), only(best, candidate));
-    gained > lost && (gained - lost).pow(2) > gained + lost
+    is_clear_gain(only(candidate, best) as f64, only(best, candidate) as f64)
 }
 
 #[cfg(test)]

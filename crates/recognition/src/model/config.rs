@@ -40,6 +40,11 @@ pub struct Config {
     pub longest_side: usize,
     /// Seeds everything random: the same frames, configuration and seed give the same model.
     pub seed: u64,
+    /// How often answers are to be right that cheap opinions give alone, from 0 to 1: those that look through a network, or at
+    /// a scale space, are asked only where the others are not so sure. At 1 all are always asked, and also where too few
+    /// frames were held out to show it.
+    #[serde(skip_serializing_if = "is_usual_precision")]
+    pub early_precision: f64,
     /// How decision values become probabilities.
     pub calibration: CalibrationConfig,
     /// How much opinions count whose weight is given. Where one is not, all are fitted on held-out frames.
@@ -49,12 +54,22 @@ pub struct Config {
     pub opinions: BTreeMap<String, OpinionConfig>,
 }
 
+/// Off where it is not asked for; see [`Config::early_precision`].
+const EARLY_PRECISION: f64 = 1.0;
+
+/// So that files of models that were configured before stay as they are.
+#[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks by reference")]
+fn is_usual_precision(precision: &f64) -> bool {
+    *precision == EARLY_PRECISION
+}
+
 /// A configuration as it is read.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
     longest_side: Option<usize>,
     seed: Option<u64>,
+    early_precision: Option<f64>,
     #[serde(default)]
     calibration: CalibrationConfig,
     weights: Option<BTreeMap<String, f64>>,
@@ -94,6 +109,7 @@ impl TryFrom<Written> for Config {
         let mut config = Self {
             longest_side: written.longest_side.unwrap_or(defaults.longest_side),
             seed: written.seed.unwrap_or(defaults.seed),
+            early_precision: written.early_precision.unwrap_or(defaults.early_precision),
             calibration: written.calibration,
             weights: written.weights.unwrap_or_default(),
             opinions: defaults.opinions,
@@ -142,6 +158,7 @@ impl Config {
         Self {
             longest_side: 640,
             seed: 0,
+            early_precision: EARLY_PRECISION,
             calibration: CalibrationConfig::default(),
             weights: BTreeMap::new(),
             opinions: BTreeMap::from([(BAG.to_owned(), OpinionConfig::Machines(machines))]),
@@ -229,6 +246,9 @@ impl Config {
         }
         if !(0.0..=1.0).contains(&self.calibration.known_precision) {
             return Err("known_precision must be from 0 to 1".to_owned());
+        }
+        if !(0.0..=1.0).contains(&self.early_precision) {
+            return Err("early_precision must be from 0 to 1".to_owned());
         }
         if !(1..=MAX_OPINIONS).contains(&self.opinions.len()) {
             let n_opinions = self.opinions.len();

@@ -136,16 +136,33 @@ impl Extractor {
     /// What all sights see of a frame. A `scratch` that served another extractor is emptied before, which costs
     /// time, not truth.
     pub fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
+        self.extract_also(None, None, image, scratch)
+    }
+
+    /// What `sights` see of a frame, all if left out, some of which may have seen it `before`.
+    pub(crate) fn extract_also(
+        &self,
+        sights: Option<&Arc<Vec<Sight>>>,
+        before: Option<Features>,
+        image: &Image,
+        scratch: &mut Scratch,
+    ) -> Features {
         if !scratch.owner.as_ref().is_some_and(|owner| Arc::ptr_eq(owner, &self.0)) {
             *scratch = Scratch { owner: Some(Arc::clone(&self.0)), ..Scratch::default() };
         }
-        self.0.extract(image, scratch)
+        self.0.extract(sights.unwrap_or(&self.0.sights), before, image, scratch)
     }
 }
 
 impl Parameters {
-    /// `scratch` is ours.
-    fn extract<'s>(&'s self, image: &Image, scratch: &mut Scratch) -> Features {
+    /// What `sights` see, but for what was seen before. `scratch` is ours.
+    fn extract<'s>(
+        &self,
+        sights: &'s Arc<Vec<Sight>>,
+        before: Option<Features>,
+        image: &Image,
+        scratch: &mut Scratch,
+    ) -> Features {
         let shrunk = image.shrink_to(self.longest_side);
         let frame = shrunk.as_ref().unwrap_or(image);
         let size = (frame.width(), frame.height());
@@ -161,7 +178,7 @@ impl Parameters {
         };
         let scaled = Scaled { frame, visible, view };
         // Whoever looks through a network sees the frame as it came.
-        let has_lens = self.sights.iter().any(|sight| sight.lens().is_some());
+        let has_lens = sights.iter().any(|sight| sight.lens().is_some());
         let unshrunk = (has_lens && shrunk.is_some()).then(|| {
             let whole = self.camera.view(image.width(), image.height());
             match image.visible() {
@@ -175,7 +192,7 @@ impl Parameters {
             reduction: image.width() as f32 / frame.width() as f32,
             so_far: Vec::new(),
         };
-        let see = |sight: &'s Sight| match sight {
+        let mut see = |sight: &'s Sight| match sight {
             Sight::Keypoints { detector, descriptor } => {
                 Seen::Local(self.describe_keypoints(&scaled, detector, descriptor, &mut scratch.space))
             }
@@ -186,13 +203,15 @@ impl Parameters {
             Sight::Grid { lens, grid } => Seen::Local(looks.grid(lens, grid)),
             Sight::XFeat { lens, target } => Seen::Local(looks.xfeat(lens, *target)),
         };
-        let seen = self.sights.iter().map(see).collect();
-        Features {
-            sights: Arc::clone(&self.sights),
-            seen,
-            scale: (image.width() * image.reduction()) as f32 / frame.width() as f32,
-            flaw: Flaw::of(frame, scaled.view),
-        }
+        let flaw = before.as_ref().map_or_else(|| Flaw::of(frame, scaled.view), |before| before.flaw);
+        let mut before: Vec<(Sight, Seen)> = before.map_or_else(Vec::new, Features::by_sight);
+        let seen_or_see = |sight: &'s Sight| match before.iter().position(|(other, _)| other == sight) {
+            Some(idx) => before.swap_remove(idx).1,
+            None => see(sight),
+        };
+        let seen = sights.iter().map(seen_or_see).collect();
+        let scale = (image.width() * image.reduction()) as f32 / frame.width() as f32;
+        Features { sights: Arc::clone(sights), seen, scale, flaw }
     }
 
     /// The keypoints of a frame, shrunk first where the detector looks at smaller ones, and their descriptors.

@@ -12,7 +12,7 @@
 //! several versions have once; see `crate::repository`.
 
 use crate::file::disk::{LoadError, MAX_SIDE_FILE_BYTES, MODEL_FILE, read_bounded, refused, write_new};
-use crate::file::error::{FORMAT_VERSION, FormatError};
+use crate::file::error::FormatError;
 use crate::file::networks;
 use crate::file::networks::{NetworkEntry, NetworkStore, write_networks};
 use crate::model::Model;
@@ -127,9 +127,9 @@ impl Model {
 
 impl About {
     fn new(metadata: Metadata, bytes: &[u8]) -> Self {
-        let Metadata { rooms, camera, card, config, networks, .. } = metadata;
+        let Metadata { format_version, rooms, camera, card, config, networks, .. } = metadata;
         Self {
-            format_version: FORMAT_VERSION,
+            format_version,
             file: MODEL_FILE.to_owned(),
             n_bytes: bytes.len() as u64,
             blake3: blake3::hash(bytes).to_hex().to_string(),

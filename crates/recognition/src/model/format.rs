@@ -30,12 +30,18 @@
 //! | `boost.n_stumps` | u32, rooms |
 //! | `boost.features`, `boost.thresholds`, `boost.weights` | u32, f32, f32, stumps |
 //!
+//! Opinions that answer early have, under `early.N/` for those that are asked first (N = 0) and so on, what tells new places and
+//! their calibration once more, as `early.0/novelty.means` and `early.0/NAME/calibration.slope`. Files in which some do are of
+//! format version 3, since a program that does not know of it would answer otherwise; others are of version 2.
+//!
 //! Files of format version 1 have one opinion on local features, whose arrays are named without it, and perhaps a
 //! cue, whose arrays are `cue.weights`, `cue.rho`, `cue.n_support_vectors`, `cue.slopes` and `cue.offsets`.
 
+mod early;
+
 use super::Classification;
 use crate::file::arrays::{Array, Arrays, require};
-use crate::file::error::{FORMAT_VERSION, FormatError};
+use crate::file::error::{FORMAT_VERSION, FormatError, VERSION_OF_ALL};
 use crate::file::networks::{NetworkEntry, Networks};
 use crate::file::{arrays, networks};
 use crate::filter::Transitions;
@@ -49,6 +55,7 @@ use crate::model::learned::LearnedFrames;
 use crate::model::novelty::Novelty;
 use crate::opinions::calibration::Calibration;
 use crate::opinions::{Opinion, Shape};
+use early::{EarlyEntry, early_arrays};
 use roomsight_vision::camera::{Camera, Mask, Projection};
 use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
@@ -66,7 +73,7 @@ const METADATA_KEY: &str = "roomsight";
 /// All that is not an array.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Metadata {
-    format_version: u32,
+    pub format_version: u32,
     #[serde(rename = "places")]
     pub rooms: Vec<String>,
     pub camera: Projection,
@@ -79,6 +86,9 @@ pub(crate) struct Metadata {
     /// The share of frames that show what was never seen.
     #[serde(default)]
     doubt: f64,
+    /// Who answers early, in the order of being asked.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    early: Vec<EarlyEntry>,
     pub config: Config,
     pub card: Card,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -112,6 +122,7 @@ impl Model {
             arrays.extend(frames.to_arrays(&names, &self.config, self.rooms.len()));
         }
         arrays.extend(self.classification.novelty.iter().flat_map(Novelty::to_arrays));
+        arrays.extend(early_arrays(&self.early));
         arrays.push(Array::vector("transitions.dwells", self.transitions.dwells()));
         arrays.push(Array::matrix("transitions.next", self.transitions.next()));
         if let Some(mask) = &self.camera().mask {
@@ -122,13 +133,14 @@ impl Model {
 
     pub(crate) fn metadata(&self) -> Metadata {
         Metadata {
-            format_version: FORMAT_VERSION,
+            format_version: if self.answers_early() { FORMAT_VERSION } else { VERSION_OF_ALL },
             rooms: self.rooms.clone(),
             camera: self.camera().projection,
             known_probability: self.known_probability().unwrap_or(NEVER_KNOWN),
             known_novelty: self.classification.known.map_or(1.0, |known| known.most_novelty),
             doubt: self.classification.doubt,
             weights: self.weights().into_iter().map(|(name, weight)| (name.to_owned(), weight)).collect(),
+            early: self.early.iter().map(EarlyEntry::of).collect(),
             config: self.config.clone(),
             card: self.card.clone(),
             networks: self.network_entries(),
@@ -188,14 +200,14 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
         format_version,
         weights,
         doubt,
+        early,
         ..
     } = metadata;
     config.link(&networks)?;
     config.check().map_err(FormatError::Damaged)?;
     let distinct: BTreeSet<&str> = rooms.iter().map(String::as_str).collect();
     require(distinct.len() == rooms.len() && rooms.len() >= 2, "its rooms are not distinct")?;
-    require(known_probability.is_finite(), "the probability from which answers are known is no number")?;
-    require((0.0..=1.0).contains(&known_novelty), "the novelty up to which answers are known is no share")?;
+    let known = read_known(known_probability, known_novelty)?;
     require((0.0..=1.0).contains(&doubt), "its doubt is no share")?;
     if let Projection::Omnidirectional(mirror) = camera {
         require(mirror.is_valid(), "its mirror is no ring")?;
@@ -222,20 +234,17 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
     let frames = |names| HeldOutFrames::from_arrays(&names, &config, rooms.len(), &file, arrays_of);
     let (held_out, left_out) = (frames(HELD_OUT)?, frames(LEFT_OUT)?);
     let novelty = Novelty::from_arrays(&config, &file)?;
-    let known = Known { least_probability: known_probability, most_novelty: known_novelty };
     let transitions = transitions(rooms.len(), &file)?;
     let mask = file.picture("camera.mask")?.map(Mask::new);
     let camera = Camera { projection: camera, mask };
+    let classification = Classification { n_rooms: rooms.len(), opinions, doubt, novelty, known };
+    let early = early.into_iter().enumerate();
+    let early = early.map(|(idx, entry)| entry.read(idx, &config, &classification, &file));
     Ok(Model {
         transitions,
         extractor: Extractor::new(&config, camera),
-        classification: Classification {
-            n_rooms: rooms.len(),
-            opinions,
-            doubt,
-            novelty,
-            known: (known_probability <= 1.0).then_some(known),
-        },
+        early: early.collect::<Result<_, _>>()?,
+        classification,
         rooms,
         learned,
         held_out,
@@ -244,6 +253,13 @@ fn from_parts(metadata: Metadata, file: &SafeTensors, networks: Networks) -> Res
         config,
         card,
     })
+}
+
+/// The thresholds of known answers, where any are.
+fn read_known(least_probability: f32, most_novelty: f32) -> Result<Option<Known>, FormatError> {
+    require(least_probability.is_finite(), "the probability from which answers are known is no number")?;
+    require((0.0..=1.0).contains(&most_novelty), "the novelty up to which answers are known is no share")?;
+    Ok((least_probability <= 1.0).then_some(Known { least_probability, most_novelty }))
 }
 
 /// The weights of all opinions, in their order.

@@ -38,6 +38,12 @@ pub(crate) struct Fusion {
 /// trained: they say nothing of how much opinions count.
 pub(crate) const TELLABLE: f64 = 0.5;
 
+/// Whether being right on so many frames more, and on so many less, is more than a standard error (McNemar, "Note on the sampling
+/// error of the difference between correlated proportions or percentages", Psychometrika 1947).
+pub(crate) fn is_clear_gain(gained: f64, lost: f64) -> bool {
+    gained > lost && (gained - lost).powi(2) > gained + lost
+}
+
 impl Fusion {
     /// Fits both to the decisions of the opinions of `config`, in its order. An opinion that saw nothing in any frame
     /// is calibrated on those of `otherwise`.
@@ -152,6 +158,16 @@ impl HeldOutFrames {
 
     pub(crate) fn push(&mut self, decided: Decided) {
         self.0.push(decided);
+    }
+
+    /// What some of the opinions say of the frames, by the frames' numbers, where one of them saw something.
+    pub(crate) fn by(&self, opinion_idxs: &[usize]) -> Vec<(usize, Decided)> {
+        let by_some = |(number, decided): (usize, &Decided)| {
+            let said: Vec<Option<Said>> = opinion_idxs.iter().map(|&idx| decided.said[idx].clone()).collect();
+            let is_seen = said.iter().any(Option::is_some);
+            is_seen.then_some((number, Decided { label: decided.label, said }))
+        };
+        self.0.iter().enumerate().filter_map(by_some).collect()
     }
 
     pub(crate) fn iter(&self) -> impl Iterator<Item = &Decided> {

@@ -1,6 +1,7 @@
 //! Which answers a robot may act on: thresholds on probability and novelty that keep a promise.
 
 use crate::opinions::calibration::CalibrationConfig;
+use std::collections::BTreeMap;
 
 /// How often a frame shows a place that was never trained, as far as the promise is concerned.
 const SHARE_NEW: f64 = 0.05;
@@ -14,7 +15,7 @@ const N_ASSUMED: f64 = 5.0;
 const ASSUMED_RATE: f64 = 0.9;
 
 /// Thresholds of novelty that are tried.
-const NOVELTIES: [f32; 12] = [1.0, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05];
+pub(crate) const NOVELTIES: [f32; 12] = [1.0, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.05];
 
 /// An answer to a frame that was held out, or whose room was.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +25,27 @@ pub(crate) struct Outcome {
     pub(crate) novelty: f32,
     /// Never where the room was left out.
     pub(crate) is_right: bool,
+}
+
+/// Answers to frames that were held out, and to those whose rooms were, by numbers that tell frames from each other.
+#[derive(Clone, Debug)]
+pub(crate) struct Outcomes {
+    pub(crate) held_out: BTreeMap<usize, Outcome>,
+    pub(crate) left_out: BTreeMap<usize, Outcome>,
+    /// Which answers are known.
+    pub(crate) known: Option<Known>,
+}
+
+impl Outcomes {
+    /// With the thresholds that are chosen by them; see [`Known::choose`].
+    pub(crate) fn new(
+        [held_out, left_out]: [BTreeMap<usize, Outcome>; 2],
+        config: &CalibrationConfig,
+    ) -> Self {
+        let all = [&held_out, &left_out].map(|outcomes| outcomes.values().copied().collect::<Vec<_>>());
+        let known = Known::choose(&all[0], &all[1], config);
+        Self { held_out, left_out, known }
+    }
 }
 
 /// An answer is known that is at least this probable, to a frame that is at most this new.
@@ -47,7 +69,7 @@ impl Known {
         left_out: &[Outcome],
         config: &CalibrationConfig,
     ) -> Option<Self> {
-        let of_new = SHARE_NEW / (1.0 - SHARE_NEW) * held_out.len() as f64 / left_out.len().max(1) as f64;
+        let of_new = weight_of_new(held_out.len(), left_out.len());
         let mut outcomes: Vec<(f64, Outcome)> = held_out.iter().map(|&outcome| (1.0, outcome)).collect();
         outcomes.extend(left_out.iter().map(|&outcome| (of_new, Outcome { is_right: false, ..outcome })));
         outcomes.sort_by(|(_, a), (_, b)| b.probability.total_cmp(&a.probability));
@@ -70,6 +92,11 @@ impl Known {
         }
         best.map(|(_, known)| known)
     }
+}
+
+/// What a frame of a left-out room counts beside a held-out one of a trained room.
+pub(crate) fn weight_of_new(n_held_out: usize, n_left_out: usize) -> f64 {
+    SHARE_NEW / (1.0 - SHARE_NEW) * n_held_out as f64 / n_left_out.max(1) as f64
 }
 
 /// The lowest probability from which on answers, the most probable first, are right often enough.

@@ -2,7 +2,7 @@
 
 use crate::model::config::Config;
 use crate::model::held_out::{Answer, Decided, Fusion};
-use crate::model::known::{Known, Outcome};
+use crate::model::known::{Outcome, Outcomes};
 use crate::model::novelty::{Novelty, Observed};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -37,6 +37,8 @@ pub(crate) struct RoundFrame {
 /// A frame that a round decided.
 #[derive(Clone, Debug)]
 pub(crate) struct RoundDecision {
+    /// Tells it from others, whichever opinions decided it.
+    pub(crate) number: usize,
     pub(crate) fold: usize,
     pub(crate) decided: Decided,
     /// Whether its room was left out, or it shows none.
@@ -83,9 +85,10 @@ pub(crate) fn rounds(folds: &[usize], labels: &[usize], seed: u64) -> Vec<Round>
 /// What tells new places, and which answers are known.
 pub(crate) struct Judged {
     pub(crate) novelty: Option<Novelty>,
-    pub(crate) known: Option<Known>,
     /// By sample: how new each held-out frame looks to what was fitted without its fold.
     pub(crate) novelties: BTreeMap<usize, f32>,
+    /// Of held-out frames, by sample, and of frames of left-out rooms, by the number of the decision.
+    pub(crate) outcomes: Outcomes,
 }
 
 /// Fits what tells new places to decisions of rounds, and chooses thresholds. `answers` are those to held-out samples, of
@@ -98,15 +101,15 @@ pub(crate) fn judge(
     decisions: &[RoundDecision],
     n_rooms: usize,
 ) -> Judged {
-    let decided: Vec<(usize, Answer, bool)> = decisions
+    let decided: Vec<(&RoundDecision, Answer)> = decisions
         .iter()
-        .map(|RoundDecision { fold, decided, is_new }| {
-            (*fold, fusion.answer(config, decided, n_rooms), *is_new)
-        })
+        .map(|decision| (decision, fusion.answer(config, &decision.decided, n_rooms)))
         .collect();
     let mut observed: Vec<(usize, Observed)> = decided
         .iter()
-        .map(|(fold, answer, is_new)| (*fold, Observed { signs: answer.signs.clone(), is_new: *is_new }))
+        .map(|(decision, answer)| {
+            (decision.fold, Observed { signs: answer.signs.clone(), is_new: decision.is_new })
+        })
         .collect();
     // Where no room was left out.
     if observed.iter().all(|(_, observed)| observed.is_new) {
@@ -128,14 +131,14 @@ pub(crate) fn judge(
     let of = |fold: usize, answer: &Answer| without[&fold].as_ref().map(|novelty| novelty.of(&answer.signs));
     let novelties: BTreeMap<usize, f32> =
         answers.iter().filter_map(|(&idx, answer)| Some((idx, of(folds[idx], answer)?))).collect();
-    let held_out: Vec<Outcome> =
-        answers.iter().map(|(idx, answer)| answer.outcome(novelties.get(idx).copied())).collect();
-    let left_out: Vec<Outcome> = decided
+    let held_out: BTreeMap<usize, Outcome> =
+        answers.iter().map(|(&idx, answer)| (idx, answer.outcome(novelties.get(&idx).copied()))).collect();
+    let left_out: BTreeMap<usize, Outcome> = decided
         .iter()
-        .filter(|(_, _, is_new)| *is_new)
-        .map(|(fold, answer, _)| answer.outcome(of(*fold, answer)))
+        .filter(|(decision, _)| decision.is_new)
+        .map(|(decision, answer)| (decision.number, answer.outcome(of(decision.fold, answer))))
         .collect();
-    Judged { known: Known::choose(&held_out, &left_out, &config.calibration), novelty, novelties }
+    Judged { novelty, novelties, outcomes: Outcomes::new([held_out, left_out], &config.calibration) }
 }
 
 #[cfg(test)]

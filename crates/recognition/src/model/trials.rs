@@ -1,23 +1,17 @@
 //! Opinions tried on held-out frames, and the model that comes of it.
 
-use super::Classification;
-use crate::filter::Transitions;
+mod finish;
+
 use crate::folds::{folds, spread_single_fold_labels};
 use crate::look::sight::Seen;
-use crate::model::card::Card;
 use crate::model::config::Config;
-use crate::model::extractor::Extractor;
-use crate::model::held_out::{Answer, Decided, Fusion, HeldOutFrames, TELLABLE, spread_out};
-use crate::model::known::Known;
-use crate::model::learned::LearnedFrames;
-use crate::model::left_out::{ENOUGH_FRAMES, Judged, Round, RoundDecision, RoundFrame, judge, rounds};
+use crate::model::held_out::{Answer, Decided, Fusion, TELLABLE, spread_out};
+use crate::model::left_out::{ENOUGH_FRAMES, Round, RoundDecision, rounds};
 use crate::model::sample::Sample;
-use crate::model::training::{HeldOut, Training, TrainingStep};
-use crate::model::{Model, Recognition};
+use crate::model::training::{HeldOut, TrainingStep};
 use crate::opinions::error::TrainError;
-use crate::opinions::{Chosen, Learner, Opinion, OpinionConfig, Said, Trained};
+use crate::opinions::{Chosen, Learner, OpinionConfig, Said, Trained};
 use rayon::prelude::*;
-use roomsight_vision::camera::Camera;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -198,14 +192,9 @@ impl<'a> Trials<'a> {
     /// No calibration.
     pub fn held_out(&self, config: &Config) -> Result<Vec<HeldOut>, TrainError> {
         let answers = self.answers(config, &self.decisions_of(config))?;
-        let held_out = |(sample_idx, answer): (usize, Answer)| self.told(sample_idx, answer, None, None);
+        let held_out =
+            |(sample_idx, answer): (usize, Answer)| self.told(config, sample_idx, answer, None, None);
         Ok(answers.into_iter().map(held_out).collect())
-    }
-
-    fn told(&self, sample_idx: usize, answer: Answer, novelty: Option<f32>, known: Option<Known>) -> HeldOut {
-        let features = &self.samples[sample_idx].features;
-        let recognition = Recognition::new(answer.probabilities, novelty, known, features);
-        HeldOut { sample_idx: self.sample_idxs[sample_idx], recognition }
     }
 
     /// The answers to decided samples, by sample.
@@ -230,109 +219,6 @@ impl<'a> Trials<'a> {
             }
         }
         Ok(answers)
-    }
-
-    /// Trains a model of some of the opinions on all samples. `config` is as for [`Trials::held_out`]. Models of the
-    /// same trials share their opinions. `progress` is called before each step.
-    ///
-    /// # Errors
-    /// What an opinion cannot learn; no calibration.
-    pub fn finish(
-        &mut self,
-        config: &Config,
-        camera: Camera,
-        mut progress: impl FnMut(TrainingStep),
-    ) -> Result<Training, TrainError> {
-        let decisions = self.decisions_of(config);
-        let decided: Vec<&Decided> = decisions.iter().map(|decision| &decision.decided).collect();
-        let fusion = Fusion::fit(config, self.rooms.len(), &decided, &decided)?;
-        let mut rounds = self.decide_rounds(config, &mut progress)?;
-        rounds.extend(self.elsewhere_of(config));
-        progress(self.step(self.n_folds + self.rounds.len()));
-        let answers = self.answers(config, &decisions)?;
-        let n_rooms = self.rooms.len();
-        let Judged { novelty, known, novelties } =
-            judge(config, &fusion, &answers, &self.folds, &rounds, n_rooms);
-        let all: Vec<usize> = (0..self.samples.len()).collect();
-        let mut opinions = Vec::new();
-        let wanted = self.opinions.iter_mut().filter(|tried| config.opinions.contains_key(tried.name));
-        for (tried, (calibration, weight)) in wanted.zip(fusion.calibrations.into_iter().zip(fusion.weights))
-        {
-            let trained = match &tried.trained {
-                Some(trained) => Arc::clone(trained),
-                None => {
-                    let trained = Arc::new(tried.train(&all, &self.labels)?.trained);
-                    Arc::clone(tried.trained.insert(trained))
-                }
-            };
-            opinions.push(Opinion { sight: tried.config.sight(), trained, calibration, weight });
-        }
-        let new = rounds.into_iter().filter(|decision| decision.is_new).map(|decision| decision.decided);
-        let model = Model {
-            config: config.clone(),
-            transitions: Transitions::unlearned(self.rooms.len()),
-            extractor: Extractor::new(config, camera),
-            classification: Classification {
-                n_rooms: self.rooms.len(),
-                opinions,
-                doubt: fusion.doubt,
-                novelty,
-                known,
-            },
-            learned: LearnedFrames::new(&self.samples, &self.labels),
-            held_out: HeldOutFrames::new(decided.into_iter().cloned().collect()).thinned(),
-            left_out: HeldOutFrames::new(new.collect()).thinned(),
-            rooms: self.rooms.clone(),
-            networks: config.networks(),
-            card: Card::default(),
-        };
-        let told = |(sample_idx, answer): (usize, Answer)| {
-            self.told(sample_idx, answer, novelties.get(&sample_idx).copied(), known)
-        };
-        let held_out = answers.into_iter().map(told).collect();
-        Ok(Training { model, held_out, are_single_frames: self.are_single_frames })
-    }
-
-    /// What the opinions of `config` say of the frames of all rounds.
-    fn decide_rounds(
-        &mut self,
-        config: &Config,
-        mut progress: impl FnMut(TrainingStep),
-    ) -> Result<Vec<RoundDecision>, TrainError> {
-        let is_wanted = |tried: &Tried| config.opinions.contains_key(tried.name);
-        let missing: Vec<usize> = (0..self.opinions.len())
-            .filter(|&idx| is_wanted(&self.opinions[idx]) && self.opinions[idx].of_rounds.is_none())
-            .collect();
-        let mut said: Vec<Vec<Option<Said>>> = vec![Vec::new(); missing.len()];
-        for (round_idx, round) in self.rounds.iter().enumerate() {
-            progress(self.step(self.n_folds + round_idx));
-            for (&opinion_idx, said) in missing.iter().zip(&mut said) {
-                let tried = &self.opinions[opinion_idx];
-                // What cannot be learned without some of the rooms tells nothing of them.
-                let fitted = tried.train(&round.training, &self.labels).ok();
-                let answer =
-                    |frame: &RoundFrame| tried.answer(fitted.as_ref()?, frame.sample_idx, self.rooms.len());
-                said.par_extend(round.frames.par_iter().map(answer));
-            }
-        }
-        for (opinion_idx, said) in missing.into_iter().zip(said) {
-            self.opinions[opinion_idx].of_rounds = Some(said);
-        }
-        let by_opinion: Vec<&Vec<Option<Said>>> = self
-            .opinions
-            .iter()
-            .filter(|tried| is_wanted(tried))
-            .filter_map(|tried| tried.of_rounds.as_ref())
-            .collect();
-        let frames =
-            self.rounds.iter().flat_map(|round| round.frames.iter().map(move |frame| (round, frame)));
-        let decision = |(idx, (round, frame)): (usize, (&Round, &RoundFrame))| {
-            let said: Vec<Option<Said>> = by_opinion.iter().map(|said| said[idx].clone()).collect();
-            let decided = Decided { label: self.labels[frame.sample_idx], said };
-            let is_seen = decided.said.iter().any(Option::is_some);
-            is_seen.then_some(RoundDecision { fold: round.fold, decided, is_new: frame.is_new })
-        };
-        Ok(frames.enumerate().filter_map(decision).collect())
     }
 
     fn deal(&self, sequences: &[&str]) -> Vec<usize> {
@@ -374,7 +260,7 @@ impl<'a> Trials<'a> {
             let said = said.map(says);
             // It shows no room: any will do, and all in turn, so that forgetting one forgets few of these.
             let decided = Decided { label: idx % n_rooms, said: said.collect() };
-            RoundDecision { fold, decided, is_new: true }
+            RoundDecision { number: idx, fold, decided, is_new: true }
         };
         let n_elsewhere = self.opinions.first().map_or(0, |tried| tried.seen_elsewhere.len());
         let elsewhere: Vec<usize> = (fold..n_elsewhere).step_by(self.n_folds).collect();
@@ -392,11 +278,12 @@ impl<'a> Trials<'a> {
         self.decisions.iter().filter_map(of_wanted).collect()
     }
 
-    /// The same of frames of elsewhere.
+    /// The same of frames of elsewhere, which are numbered on from those of the rounds.
     fn elsewhere_of(&self, config: &Config) -> Vec<RoundDecision> {
+        let n_before: usize = self.rounds.iter().map(|round| round.frames.len()).sum();
         let of_wanted = |decision: &RoundDecision| {
             let decided = self.said_by(config, &decision.decided)?;
-            Some(RoundDecision { decided, ..*decision })
+            Some(RoundDecision { number: n_before + decision.number, decided, ..*decision })
         };
         self.elsewhere.iter().filter_map(of_wanted).collect()
     }

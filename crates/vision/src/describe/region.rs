@@ -69,7 +69,10 @@ impl Region {
     ) -> impl Iterator<Item = (Self, Vec<(usize, &'a Keypoint)>)> {
         let mut by_side: BTreeMap<usize, Vec<(usize, &Keypoint)>> = BTreeMap::new();
         for (row_idx, keypoint) in keypoints.iter().enumerate() {
-            by_side.entry(self.side_at(keypoint, n_cells)).or_default().push((row_idx, keypoint));
+            // Most often all are of one.
+            let n_expected = if by_side.is_empty() { keypoints.len() } else { 0 };
+            let of_side = by_side.entry(self.side_at(keypoint, n_cells));
+            of_side.or_insert_with(|| Vec::with_capacity(n_expected)).push((row_idx, keypoint));
         }
         let region = *self;
         by_side.into_iter().map(move |(side, keypoints)| (Self { side, ..region }, keypoints))

@@ -87,13 +87,14 @@ impl Fast {
     /// The corners of an image whose score exceeds that of their neighbors, with it as response.
     fn corners(&self, image: &Image, is_seen: impl Fn(&Keypoint) -> bool) -> Vec<Keypoint> {
         let (width, height) = (image.width(), image.height());
-        let mut found = Vec::new();
         if width <= 2 * RADIUS || height <= 2 * RADIUS {
-            return found;
+            return Vec::new();
         }
+        let mut found = Vec::with_capacity(width);
         let mut choice = Choice::new(self.threshold);
         // Three rows, turned round.
-        let mut rows = [(); 3].map(|()| Strengths { of_pixels: vec![0; width], marked: Vec::new() });
+        let mut rows =
+            [(); 3].map(|()| Strengths { of_pixels: vec![0; width], marked: Vec::with_capacity(width) });
         for y in RADIUS..=height - RADIUS {
             let current = &mut rows[y % 3];
             current.clear();

@@ -3,6 +3,7 @@ use crate::classify::boost;
 use crate::classify::svm::KernelConfig;
 use crate::model::config::Config;
 use crate::model::extractor::Scratch;
+use crate::model::held_out::HeldOutFrames;
 use crate::model::tests::{config, frame, samples};
 use crate::opinions::{Classifier, MemoryConfig, OpinionConfig, PatternsConfig};
 use rand::SeedableRng;
