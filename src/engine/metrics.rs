@@ -77,6 +77,7 @@ struct ModelFrames {
     novelty: Histogram,
     /// By room and why it is not known.
     answers: Kept<String, Arc<Kept<&'static str, Counter>>>,
+    early: Counter,
     /// By version, transport and outcome.
     told: Kept<(u64, Transport, &'static str), Counter>,
     totals: Kept<u64, Arc<Totals>>,
@@ -170,6 +171,7 @@ impl Metrics {
             .get(room, Arc::default)
             .get(&known, || self.recorder.counter(&catalog::ANSWERS, &[model_name, room, known]));
         answers.increment(1);
+        model.early.increment(u64::from(recognition.is_early));
         if !recognition.known {
             self.sums.unknown();
         }
@@ -251,6 +253,7 @@ impl Metrics {
                 probability: self.recorder.histogram(&catalog::ANSWER_PROBABILITY, &[name]),
                 novelty: self.recorder.histogram(&catalog::ANSWER_NOVELTY, &[name]),
                 answers: Kept::default(),
+                early: self.recorder.counter(&catalog::EARLY_ANSWERS, &[name]),
                 told: Kept::default(),
                 totals: Kept::default(),
             })

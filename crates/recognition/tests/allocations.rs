@@ -45,7 +45,7 @@ fn models() -> [Model; 2] {
 }
 
 /// What a frame may ask for: features, the answer, and what detecting and describing fill anew.
-const OF_THE_CORE: u64 = 48;
+const OF_THE_CORE: u64 = 52;
 
 /// And a picture: its parts, rows of blocks and luma.
 const OF_DECODING: u64 = 20;

@@ -44,9 +44,9 @@ pub(in crate::cli) struct ConfigArgs {
     /// [default: 0.95, or as configured]
     #[arg(long, value_name = "SHARE", value_parser = precision)]
     precision: Option<f32>,
-    /// How often answers are to be right that cheap opinions give alone, from 0 to 1, such as 0.99: a network is looked through
-    /// only where the others are not so sure, unless held-out frames are too few to show it. 1 always asks all
-    /// [default: 1, or as configured]
+    /// How often answers are to be right that cheap opinions give alone, from 0 to 1: a network is looked through, and blobs are
+    /// looked for, only where the others are so sure on held-out frames; where these are too few to show it, always. 1 always
+    /// asks all [default: 0.95; 1 with --effort best or --config, or as configured]
     #[arg(long, value_name = "SHARE", value_parser = early_precision)]
     early_precision: Option<f64>,
     /// Take these opinions of the configuration only
@@ -87,10 +87,23 @@ fn precision(text: &str) -> Result<f32, String> {
     share.ok_or_else(|| "it must be from 0 to 1".to_owned())
 }
 
+/// Frames that are tried to be read for their size.
+const MOST_TRIED: usize = 20;
+
+/// The longest side of frames whose size is not known, in pixels.
+const USUAL_SIDE: usize = 640;
+
 /// Reads a share.
 fn early_precision(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
     share.ok_or_else(|| "it must be from 0 to 1".to_owned())
+}
+
+/// Of the first of the frames that can be read, which stands for all.
+fn longest_side(dataset: &Dataset) -> usize {
+    let frames = dataset.frames.iter().take(MOST_TRIED);
+    let mut frames = frames.filter_map(|frame| frame.read(&Limits::default()).ok());
+    frames.next().map_or(USUAL_SIDE, |image| image.width().max(image.height()))
 }
 
 impl ConfigArgs {
@@ -109,7 +122,8 @@ impl ConfigArgs {
             );
         }
         let camera = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
-        let mut candidates = Means { effort, camera, has_network }.candidates();
+        let longest_side = longest_side(dataset);
+        let mut candidates = Means { effort, camera, has_network, longest_side }.candidates();
         for candidate in &mut candidates {
             candidate.config = self.promising(self.with_wanted_opinions(candidate.config.clone()));
         }

@@ -96,6 +96,12 @@ pub const ANSWERS: Metric = counter(
     "Answered frames by the room that was answered and why it is not known: yes, or unsure, new_place, no_detail, \
      dark, covered.",
 );
+/// Rooms that cheap opinions answered alone.
+pub const EARLY_ANSWERS: Metric = counter(
+    "roomsight_early_answers_total",
+    &["model"],
+    "Answered frames of which the cheap opinions of a model were so sure that the costly ones were not asked.",
+);
 /// How sure answers are.
 pub const ANSWER_PROBABILITY: Metric =
     shares("roomsight_answer_probability_ratio", &["model"], "Probability of the answered room.");
@@ -240,13 +246,14 @@ pub const RESIDENT_MEMORY: Metric =
 pub const CPU: Metric =
     counter("process_cpu_seconds_total", &[], "Processor time of the process. Only on Linux.");
 
-pub const ALL: [&Metric; 39] = [
+pub const ALL: [&Metric; 40] = [
     &REQUESTS,
     &REQUEST_DURATION,
     &FRAMES,
     &DROPS,
     &STAGE_DURATION,
     &ANSWERS,
+    &EARLY_ANSWERS,
     &ANSWER_PROBABILITY,
     &ANSWER_NOVELTY,
     &QUEUE_DEPTH,

@@ -5,19 +5,21 @@ use super::wire::{Broken, Decoder, Piece};
 use crate::engine::caller::CallerId;
 use bytes::BytesMut;
 use roomsight_protocol::header::Header;
+use std::future::poll_fn;
 use std::io;
+use std::mem::MaybeUninit;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::{Poll, ready};
 use std::time::{Duration, Instant};
-use tokio::io::{AsyncRead, AsyncReadExt};
+use tokio::io::{AsyncRead, ReadBuf};
 use tokio::time::timeout_at;
 use tokio_tungstenite::tungstenite::protocol::CloseFrame;
 
 /// The longest text message, in bytes. Of a longer one nothing is kept.
 pub const MAX_TEXT_BYTES: usize = 16 << 10;
-/// What is read at once. A thousand streams hold this each.
-const READ_BYTES: usize = 8 << 10;
-/// The least room that is worth a read.
-const LEAST_READ_BYTES: usize = 1 << 10;
+/// What is read at once.
+const READ_BYTES: usize = 16 << 10;
 /// How long a frame in the mode `lossless` may stand still while others wait for its room.
 const STANDSTILL: Duration = Duration::from_secs(5);
 
@@ -160,17 +162,18 @@ impl Inbox {
     /// Reads more bytes, if they come in time.
     async fn read(&mut self, io: &mut (impl AsyncRead + Unpin)) -> Result<(), Incoming> {
         let arrived = self.decoder.arrived();
-        if arrived.capacity() - arrived.len() < LEAST_READ_BYTES {
-            arrived.reserve(READ_BYTES);
+        if arrived.is_empty() {
+            // What was taken from it lies in memory that it would hold on to.
+            *arrived = BytesMut::new();
         }
         let Some(message) = &self.message else {
-            return heard(io.read_buf(arrived).await, &mut self.heard);
+            return heard(read_some(io, arrived).await, &mut self.heard);
         };
         let mut listened_since = self.heard;
         loop {
             let stalls_at = listened_since + self.standstill;
             let until = if message.is_lossless() { message.due.min(stalls_at) } else { message.due };
-            if let Ok(read) = timeout_at(until.into(), io.read_buf(arrived)).await {
+            if let Ok(read) = timeout_at(until.into(), read_some(io, arrived)).await {
                 return heard(read, &mut self.heard);
             }
             if message.due <= Instant::now() {
@@ -211,6 +214,18 @@ impl Inbox {
             Yielding::begin(&self.intake, &self.holder, most).map_or(Hold::Nowhere, Hold::Yielding)
         }
     }
+}
+
+/// Appends what has come, once something has. Until then no memory is held for it: most streams wait most of the time.
+async fn read_some(io: &mut (impl AsyncRead + Unpin), arrived: &mut BytesMut) -> io::Result<usize> {
+    poll_fn(|context| {
+        let mut space = [MaybeUninit::uninit(); READ_BYTES];
+        let mut read = ReadBuf::uninit(&mut space);
+        ready!(Pin::new(&mut *io).poll_read(context, &mut read))?;
+        arrived.extend_from_slice(read.filled());
+        Poll::Ready(Ok(read.filled().len()))
+    })
+    .await
 }
 
 /// What follows from a read.

@@ -6,7 +6,7 @@
 
 use crate::look::sight::Sight;
 use crate::model::card::EarlyAnswers;
-use crate::model::config::Config;
+use crate::model::config::{ALWAYS_ALL, Config};
 use crate::model::held_out::is_clear_gain;
 use crate::model::known::{Known, NOVELTIES, Outcome, Outcomes, weight_of_new};
 use crate::model::{Classification, Recognition};
@@ -34,7 +34,7 @@ pub(crate) struct Early {
 /// The parts of a configuration that are asked before all opinions are: those that look in cheap ways, and those that look
 /// in dearer ways beside them; none where all cost about the same, or all are always asked.
 pub(crate) fn parts(config: &Config) -> Vec<Config> {
-    if config.early_precision >= 1.0 {
+    if config.early_precision >= ALWAYS_ALL {
         return Vec::new();
     }
     let costs: BTreeSet<_> = config.opinions.values().map(|opinion| opinion.sight().cost()).collect();

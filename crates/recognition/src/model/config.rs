@@ -43,7 +43,7 @@ pub struct Config {
     /// How often answers are to be right that cheap opinions give alone, from 0 to 1: those that look through a network, or at
     /// a scale space, are asked only where the others are not so sure. At 1 all are always asked, and also where too few
     /// frames were held out to show it.
-    #[serde(skip_serializing_if = "is_usual_precision")]
+    #[serde(skip_serializing_if = "asks_all")]
     pub early_precision: f64,
     /// How decision values become probabilities.
     pub calibration: CalibrationConfig,
@@ -54,13 +54,13 @@ pub struct Config {
     pub opinions: BTreeMap<String, OpinionConfig>,
 }
 
-/// Off where it is not asked for; see [`Config::early_precision`].
-const EARLY_PRECISION: f64 = 1.0;
+/// The [`Config::early_precision`] at which all opinions are always asked.
+pub(crate) const ALWAYS_ALL: f64 = 1.0;
 
 /// So that files of models that were configured before stay as they are.
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde asks by reference")]
-fn is_usual_precision(precision: &f64) -> bool {
-    *precision == EARLY_PRECISION
+fn asks_all(early_precision: &f64) -> bool {
+    *early_precision >= ALWAYS_ALL
 }
 
 /// A configuration as it is read.
@@ -158,7 +158,7 @@ impl Config {
         Self {
             longest_side: 640,
             seed: 0,
-            early_precision: EARLY_PRECISION,
+            early_precision: ALWAYS_ALL,
             calibration: CalibrationConfig::default(),
             weights: BTreeMap::new(),
             opinions: BTreeMap::from([(BAG.to_owned(), OpinionConfig::Machines(machines))]),

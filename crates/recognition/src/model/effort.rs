@@ -4,7 +4,7 @@ use crate::classify::svm;
 use crate::file::names::{BAG, PATTERNS};
 use crate::look::lens::Lens;
 use crate::model::choose::Candidate;
-use crate::model::config::Config;
+use crate::model::config::{ALWAYS_ALL, Config};
 use crate::opinions::{
     Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
     VectorConfig,
@@ -15,7 +15,12 @@ use roomsight_vision::camera::CameraKind;
 use roomsight_vision::describe::{CsLbp, Descriptor, Region, SiftDescriptor};
 use roomsight_vision::detect::{Dense, Detector, Sift};
 use roomsight_vision::network::Around;
-use std::collections::BTreeMap;
+
+/// How often early answers are to be right; as often as known ones are by default.
+const EARLY_PRECISION: f64 = 0.95;
+
+/// Smaller pictures show few blobs, unless they are doubled.
+const SMALL_SIDE: usize = 480;
 
 /// How much may be spent on a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,6 +43,8 @@ pub struct Means {
     pub camera: CameraKind,
     /// Whether the default network is there.
     pub has_network: bool,
+    /// The longest side of the frames, in pixels, or about that.
+    pub longest_side: usize,
 }
 
 impl Means {
@@ -49,10 +56,17 @@ impl Means {
             Effort::Fast => (vec![memory()], vec![patterns()]),
             // Corners of all around are enough.
             Effort::Balanced if is_around => (vec![memory()], vec![patterns(), bag(of_patterns())]),
-            Effort::Balanced => (vec![sift(300)], vec![patterns(), bag(of_gradients())]),
-            Effort::Best if is_around => (vec![memory(), sift(600)], vec![patterns(), bag(of_patterns())]),
-            Effort::Best => (vec![sift(600)], vec![patterns(), bag(of_gradients())]),
+            // Corners answer the sure frames. The blobs of a doubled picture are four times the work.
+            Effort::Balanced => {
+                let blobs = sift(300, self.longest_side < SMALL_SIDE);
+                (vec![memory(), blobs], vec![patterns(), bag(of_gradients())])
+            }
+            Effort::Best if is_around => {
+                (vec![memory(), sift(600, true)], vec![patterns(), bag(of_patterns())])
+            }
+            Effort::Best => (vec![sift(600, true)], vec![patterns(), bag(of_gradients())]),
         };
+        let candidate = |name, opinions| self.candidate(name, opinions);
         if !with_network {
             return vec![
                 candidate("places and patterns", [&rooms[..], &looks].concat()),
@@ -69,6 +83,12 @@ impl Means {
             candidate("a network alone", vec![self.vector()]),
             candidate("everything", [rooms, looks].concat()),
         ]
+    }
+
+    fn candidate(&self, name: &str, opinions: Vec<Named>) -> Candidate {
+        let opinions = opinions.into_iter().map(|Named(name, opinion)| (name.to_owned(), opinion)).collect();
+        let early_precision = if self.effort == Effort::Best { ALWAYS_ALL } else { EARLY_PRECISION };
+        Candidate { name: name.to_owned(), config: Config { opinions, early_precision, ..Config::default() } }
     }
 
     /// How the default network looks at frames.
@@ -102,20 +122,15 @@ impl Means {
 #[derive(Clone)]
 struct Named(&'static str, OpinionConfig);
 
-fn candidate(name: &str, opinions: Vec<Named>) -> Candidate {
-    let opinions: BTreeMap<String, OpinionConfig> =
-        opinions.into_iter().map(|Named(name, opinion)| (name.to_owned(), opinion)).collect();
-    Candidate { name: name.to_owned(), config: Config { opinions, ..Config::default() } }
-}
-
 /// Corners, as the fast loops find them.
 fn memory() -> Named {
     Named("memory", OpinionConfig::Memory(MemoryConfig::default()))
 }
 
-fn sift(target: usize) -> Named {
+/// Blobs, also those that only the doubled picture shows, if wanted.
+fn sift(target: usize, doubled: bool) -> Named {
     let features = Remembered::Keypoints {
-        detector: Detector::Sift(Sift { target, ..Sift::default() }),
+        detector: Detector::Sift(Sift { target, doubled, ..Sift::default() }),
         descriptor: Descriptor::Sift(SiftDescriptor::default()),
     };
     Named("sift", OpinionConfig::Memory(MemoryConfig { features, ..MemoryConfig::default() }))
@@ -157,13 +172,14 @@ fn bag(descriptor: Descriptor) -> Named {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::cascade::parts;
     use crate::model::choose::all_opinions;
 
     #[test]
     fn candidates_are_parts_of_one_configuration_that_makes_sense() {
         for camera in [CameraKind::Perspective, CameraKind::Equirectangular, CameraKind::Omnidirectional] {
             for effort in [Effort::Fast, Effort::Balanced, Effort::Best] {
-                let candidates = Means { effort, camera, has_network: false }.candidates();
+                let candidates = Means { effort, camera, has_network: false, longest_side: 640 }.candidates();
                 let all = all_opinions(&candidates).unwrap();
                 assert_eq!(all.check(), Ok(()));
                 for candidate in candidates {
@@ -179,10 +195,21 @@ mod tests {
     #[test]
     fn a_network_is_looked_through_where_there_is_one_and_time_for_it() {
         let looks_through = |effort, has_network| {
-            let means = Means { effort, camera: CameraKind::Equirectangular, has_network };
+            let means = Means { effort, camera: CameraKind::Equirectangular, has_network, longest_side: 640 };
             all_opinions(&means.candidates()).unwrap().opinions.contains_key("vector")
         };
         assert!(looks_through(Effort::Balanced, true) && looks_through(Effort::Best, true));
         assert!(!looks_through(Effort::Fast, true) && !looks_through(Effort::Best, false));
+    }
+
+    #[test]
+    fn the_best_effort_always_asks_all() {
+        let asks_all = |effort| {
+            let means =
+                Means { effort, camera: CameraKind::Perspective, has_network: true, longest_side: 640 };
+            means.candidates().iter().map(|of| parts(&of.config).is_empty()).collect::<Vec<_>>()
+        };
+        assert_eq!(asks_all(Effort::Best), [true; 3]);
+        assert_eq!(asks_all(Effort::Balanced), [false, true, false], "but of a network alone");
     }
 }
