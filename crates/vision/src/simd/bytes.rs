@@ -383,7 +383,10 @@ fn values_of_block<I: Instructions, const R: usize>(
             *sums = instructions.add(*sums, row[i], quads);
         }
     }
-    products.map(|sums| instructions.values(sums, &columns.squared_lengths[block_idx]))
+    for sums in &mut products {
+        *sums = instructions.values(*sums, &columns.squared_lengths[block_idx]);
+    }
+    products
 }
 
 /// Blocks whose smallest values are told apart for a bound: every second one.
