@@ -119,10 +119,10 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
     let mut arrival = Arrival { socket, is_resumed: true, last_seq: query.last_seq };
     let resumed = query.session.and_then(|session| engine.streams.permits.arrivals(&session, key.as_deref()));
     if let Some(arrivals) = resumed {
-        match arrivals.send(arrival).await {
+        match arrivals.send(Box::new(arrival)).await {
             Ok(()) => return,
             // The stream has just ended.
-            Err(refused) => arrival = refused.0,
+            Err(refused) => arrival = *refused.0,
         }
     }
     arrival.is_resumed = false;

@@ -18,8 +18,8 @@ pub struct Permits {
 
 /// What is known of one stream outside its task.
 pub struct Permit {
-    /// How to reach its task.
-    pub arrivals: mpsc::Sender<Arrival>,
+    /// How to reach its task. In boxes, since a channel keeps room for 32.
+    pub arrivals: mpsc::Sender<Box<Arrival>>,
     /// Whose it is.
     pub holder: CallerId,
     /// What dashboards may know, and the key that opened it, which alone can resume it.
@@ -70,7 +70,7 @@ impl Permits {
     }
 
     /// How to reach the stream that was opened with the same key; without keys who knows the session may resume it.
-    pub fn arrivals(&self, session: &str, key: Option<&Key>) -> Option<mpsc::Sender<Arrival>> {
+    pub fn arrivals(&self, session: &str, key: Option<&Key>) -> Option<mpsc::Sender<Box<Arrival>>> {
         let taken = self.taken();
         let permit = taken.get(session).filter(|permit| permit.record.key() == key)?;
         Some(permit.arrivals.clone())

@@ -139,18 +139,18 @@ impl Session {
     }
 
     /// Talks until the stream has ended for good. Robots that come back do so through `arrivals`.
-    pub async fn run(mut self, first: Arrival, mut arrivals: mpsc::Receiver<Arrival>) {
-        let mut arrival = Some(first);
+    pub async fn run(mut self, first: Arrival, mut arrivals: mpsc::Receiver<Box<Arrival>>) {
+        let mut arrival = Some(Box::new(first));
         loop {
             let Some(arrived) = arrival.take() else { break };
             self.record.connected(true);
             self.engine.events.tell(Event::RobotJoined(self.record.name()));
-            let end = self.converse(arrived, &mut arrivals).await;
+            let end = self.converse(*arrived, &mut arrivals).await;
             self.record.connected(false);
             self.engine.events.tell(Event::RobotLeft(self.record.name()));
             arrival = match end {
                 End::Closed => None,
-                End::Replaced(arrival) => Some(*arrival),
+                End::Replaced(arrival) => Some(arrival),
                 End::Lost => self.wait_for_return(&mut arrivals).await,
             };
         }
@@ -167,7 +167,7 @@ impl Session {
     async fn converse(
         &mut self,
         Arrival { mut socket, is_resumed, last_seq }: Arrival,
-        arrivals: &mut mpsc::Receiver<Arrival>,
+        arrivals: &mut mpsc::Receiver<Box<Arrival>>,
     ) -> End {
         let engine = self.engine.clone();
         if socket.send(text(&self.hello(is_resumed))).await.is_err() {
@@ -192,7 +192,7 @@ impl Session {
                 Some(news) = self.news.recv() => self.hear(news),
                 Some(arrival) = arrivals.recv() => {
                     engine.streams.spawn(socket.close(Close::Replaced));
-                    return End::Replaced(Box::new(arrival));
+                    return End::Replaced(arrival);
                 }
                 incoming = socket.receive(self.settings.mode == Mode::Lossless), if self.may_read() => {
                     match self.take_in(incoming, &mut socket) {
@@ -268,7 +268,7 @@ impl Session {
     }
 
     /// Goes on with the frames that were accepted, until the robot comes back or its time is up.
-    async fn wait_for_return(&mut self, arrivals: &mut mpsc::Receiver<Arrival>) -> Option<Arrival> {
+    async fn wait_for_return(&mut self, arrivals: &mut mpsc::Receiver<Box<Arrival>>) -> Option<Box<Arrival>> {
         let (engine, record) = (self.engine.clone(), self.record.clone());
         let returned = async {
             loop {

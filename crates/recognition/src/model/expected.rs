@@ -32,6 +32,7 @@ impl Model {
             novelty: self.tells_new_places().then(|| mean(sum)),
         })
     }
+
     /// Whether the answer to a frame of which opinions say this is known, and how new the frame is.
     fn expects(&self, said: &[Option<Said>]) -> (bool, Option<f32>) {
         let early = self.early.iter().find_map(|early| {
