@@ -13,7 +13,7 @@ struct Schemas;
 /// What a robot may say, by name.
 const CLIENT_EXAMPLES: [(&str, &str); 3] = [
     ("lossless", r#"{"type": "configure", "robot": "wall-e", "mode": "lossless", "top": 3}"#),
-    ("sampled", r#"{"type": "configure", "mode": "sampled", "interval_ms": 200}"#),
+    ("sampled", r#"{"type": "configure", "mode": "sampled", "interval_ms": 200, "sure_interval_ms": 2000}"#),
     ("filter", r#"{"type": "configure", "filter": {"trust": 0.5}, "deadline_ms": 300}"#),
 ];
 
@@ -24,7 +24,7 @@ const SERVER_EXAMPLES: [(&str, &str); 7] = [
         r#"{"type": "hello", "protocol": "roomsight.v1", "session": "0f3a5d1c9b7e48262d10c4f58e93ab67",
             "stream": "c41f07d2a95be836",
             "resumed": false, "next_seq": 0,
-            "settings": {"robot": "wall-e", "model": "lab", "mode": "latest", "interval_ms": null,
+            "settings": {"robot": "wall-e", "model": "lab", "mode": "latest", "interval_ms": null, "sure_interval_ms": null,
                 "filter": {"trust": 2.0}, "deadline_ms": null, "top": null, "explain": false},
             "limits": {"max_frame_bytes": 16777216, "max_frame_pixels": 50000000, "window": 16,
                 "idle_timeout_ms": 180000, "message_timeout_ms": 120000, "resume_ms": 30000},
@@ -35,7 +35,7 @@ const SERVER_EXAMPLES: [(&str, &str); 7] = [
     (
         "configured",
         r#"{"type": "configured", "settings": {"robot": "wall-e", "model": "lab", "mode": "lossless",
-            "interval_ms": null, "filter": null, "deadline_ms": null, "top": 3, "explain": false}}"#,
+            "interval_ms": null, "sure_interval_ms": null, "filter": null, "deadline_ms": null, "top": 3, "explain": false}}"#,
     ),
     (
         "result",

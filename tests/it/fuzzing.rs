@@ -229,7 +229,7 @@ fn oip() -> Vec<Vec<u8>> {
 }
 
 fn stream() -> Vec<Vec<u8>> {
-    let configure = r#"{"type":"configure","robot":"r","model":"m","mode":"sampled","interval_ms":200,"filter":{"trust":2.0},"deadline_ms":5,"top":3}"#;
+    let configure = r#"{"type":"configure","robot":"r","model":"m","mode":"sampled","interval_ms":200,"sure_interval_ms":2000,"filter":{"trust":2.0},"deadline_ms":5,"top":3}"#;
     let query = r#"{"robot":"r","mode":"lossless","filter":true,"session":"a","last_seq":7}"#;
     let header = [b"RSF1\x01\0\0\0".as_slice(), &7u64.to_le_bytes(), &9u64.to_le_bytes(), b"P5"].concat();
     let numbers = [4.0, 3.0, 2.0, 1.0, 0.1, 0.5, 0.2, 0.0, 0.9, 0.1, -5.0, f64::NAN, 1e300];

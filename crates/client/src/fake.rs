@@ -156,6 +156,7 @@ fn hello() -> Hello {
             model: "fake".into(),
             mode: Mode::Latest,
             interval_ms: None,
+            sure_interval_ms: None,
             filter: None,
             deadline_ms: None,
             top: None,

@@ -201,13 +201,15 @@ impl StreamReceiver {
 
 /// A configuration as the address of a stream says it.
 fn query_of(configure: &Configure) -> StreamQuery {
-    let Configure { robot, model, mode, interval_ms, filter, deadline_ms, top, explain } = configure.clone();
+    let Configure { robot, model, mode, interval_ms, sure_interval_ms, filter, deadline_ms, top, explain } =
+        configure.clone();
     let filter = filter.map(|filter| filter != FilterChoice::Switch(false));
     StreamQuery {
         robot,
         model,
         mode,
         interval_ms,
+        sure_interval_ms,
         filter,
         deadline_ms,
         top,

@@ -37,6 +37,8 @@ pub struct StreamQuery {
     pub mode: Option<Mode>,
     /// With the mode `sampled`: the least time between two frames that are looked at.
     pub interval_ms: Option<u64>,
+    /// With the mode `sampled`: the same while the filter is sure of the room, and the frames are, too.
+    pub sure_interval_ms: Option<u64>,
     /// Whether to filter the rooms over time; left out: yes.
     pub filter: Option<bool>,
     /// How long a frame may wait before it is looked at.
@@ -55,6 +57,7 @@ impl StreamQuery {
             model: self.model.clone(),
             mode: self.mode,
             interval_ms: self.interval_ms,
+            sure_interval_ms: self.sure_interval_ms,
             filter: self.filter.map(FilterChoice::Switch),
             deadline_ms: self.deadline_ms,
             top: self.top,
@@ -91,6 +94,11 @@ pub struct Configure {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[cfg_attr(feature = "schema", schema(minimum = 1, maximum = 3_600_000))]
     pub interval_ms: Option<u64>,
+    /// With the mode `sampled`: the least time between two frames that are looked at while the filter's room and that of the last frame
+    /// are known, and the same; not below `interval_ms`. 0: the same as always. It takes the filter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(feature = "schema", schema(maximum = 3_600_000))]
+    pub sure_interval_ms: Option<u64>,
     /// The filter over the rooms: whether there is one, or how it weighs frames.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub filter: Option<FilterChoice>,
@@ -164,6 +172,9 @@ pub struct StreamSettings {
     pub mode: Mode,
     /// With the mode `sampled`: the least time between two frames that are looked at.
     pub interval_ms: Option<u64>,
+    /// The same while the filter and the last frame are sure of one room.
+    #[serde(default)]
+    pub sure_interval_ms: Option<u64>,
     /// The filter, if there is one.
     pub filter: Option<FilterSettings>,
     /// How long a frame may wait before it is looked at.

@@ -43,8 +43,8 @@ pub struct Session {
     settings: StreamSettings,
     /// The number of the next frame that brings none.
     next_seq: u64,
-    /// In the mode `sampled`: when the next frame may be looked at.
-    next_look: Instant,
+    /// In the mode `sampled`: when the last frame queued to be looked at, of those of the present settings.
+    last_look: Option<Instant>,
     lane: Arc<Lane>,
     ledger: Ledger,
     teller: Teller,
@@ -123,7 +123,7 @@ impl Session {
             given_up: CancellationToken::new(),
             settings,
             next_seq: 0,
-            next_look: Instant::now(),
+            last_look: None,
             lane: Arc::default(),
             ledger: Ledger::default(),
             record,
@@ -356,18 +356,24 @@ impl Session {
     /// In the mode `sampled`: when the frame that waits may queue.
     fn look_at(&self) -> Option<Instant> {
         let is_held = self.settings.mode == Mode::Sampled && self.lane.may_rest();
-        is_held.then_some(self.next_look)
+        is_held.then(|| self.next_look())
+    }
+
+    /// In the mode `sampled`: from when on a frame may be looked at.
+    fn next_look(&self) -> Instant {
+        let StreamSettings { interval_ms, sure_interval_ms, .. } = self.settings;
+        let interval_ms = sure_interval_ms.filter(|_| self.teller.is_sure()).or(interval_ms);
+        let next = |last: Instant| last + Duration::from_millis(interval_ms.unwrap_or_default());
+        self.last_look.map_or_else(Instant::now, next)
     }
 
     /// Takes the stream's place in the queue, if it is time, the place is free and something waits.
     fn queue(&mut self) {
-        let is_early = self.settings.mode == Mode::Sampled && self.next_look > Instant::now();
+        let is_early = self.settings.mode == Mode::Sampled && self.next_look() > Instant::now();
         if !self.lane.claim_turn(is_early) {
             return;
         }
-        if let Some(interval) = self.settings.interval_ms {
-            self.next_look = Instant::now() + Duration::from_millis(interval);
-        }
+        self.last_look = Some(Instant::now());
         let turn = Turn {
             engine: self.engine.clone(),
             lane: self.lane.clone(),
@@ -446,7 +452,7 @@ impl Session {
                 let robot = self.settings.robot.as_deref();
                 self.engine.robots.configured(&self.record, robot, self.settings.mode);
                 // What waited for its time in the mode `sampled` may no longer have to.
-                self.next_look = Instant::now();
+                self.last_look = None;
                 self.queue();
                 ServerMessage::Configured { settings: self.settings.clone() }
             }

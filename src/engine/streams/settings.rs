@@ -19,6 +19,7 @@ pub fn initial(registry: &Registry, key_name: Option<&str>) -> StreamSettings {
         model: registry.default_name().unwrap_or_default(),
         mode: Mode::default(),
         interval_ms: None,
+        sure_interval_ms: None,
         filter: Some(FilterSettings::default()),
         deadline_ms: None,
         top: None,
@@ -61,15 +62,28 @@ pub fn changed(
     if let Some(Err(error)) = filter.map(|filter| Trust::try_from(filter.trust)) {
         return wrong(error.to_string());
     }
+    let unless_zero = |given: Option<u64>, old: Option<u64>| given.map_or(old, |n| (n > 0).then_some(n));
+    let sure_interval_ms = unless_zero(change.sure_interval_ms, settings.sure_interval_ms);
+    let sure_interval_ms = match (sure_interval_ms, interval_ms, filter) {
+        (None, _, _) => None,
+        (Some(sure), Some(interval), Some(_)) if !(interval..=MAX_MS).contains(&sure) => {
+            return wrong(format!("`sure_interval_ms` must be from `interval_ms` to {MAX_MS}"));
+        }
+        (sure, Some(_), Some(_)) => sure,
+        _ if change.sure_interval_ms.is_some() => {
+            return wrong("`sure_interval_ms` is for the mode `sampled`, with the filter".to_owned());
+        }
+        _ => None,
+    };
     if change.deadline_ms.is_some_and(|deadline| deadline > MAX_MS) {
         return wrong(format!("`deadline_ms` must be at most {MAX_MS}"));
     }
-    let unless_zero = |given: Option<u64>, old: Option<u64>| given.map_or(old, |n| (n > 0).then_some(n));
     Ok(StreamSettings {
         robot: change.robot.or_else(|| settings.robot.clone()),
         model: change.model.unwrap_or_else(|| settings.model.clone()),
         mode,
         interval_ms,
+        sure_interval_ms,
         filter,
         deadline_ms: unless_zero(change.deadline_ms, settings.deadline_ms),
         top: unless_zero(change.top.map(|n| n as u64), settings.top.map(|n| n as u64)).map(|n| n as usize),

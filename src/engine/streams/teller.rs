@@ -32,6 +32,8 @@ pub struct Teller {
     model: ModelName,
     rooms: Vec<String>,
     filter: Option<Belief>,
+    /// The room of the last frame and the filter's were known, and the same.
+    is_sure: bool,
     /// The frames' stamps were found to be doubtful, and that was told.
     doubts_stamps: bool,
     kept: Kept,
@@ -56,7 +58,7 @@ impl Teller {
     pub fn new(stream: String, served: &ServedModel, settings: &Settings) -> Self {
         let (model, rooms) = (ModelName::from(served), served.model.rooms().to_vec());
         let kept = Kept::new(settings);
-        Self { stream, model, rooms, filter: None, doubts_stamps: false, kept }
+        Self { stream, model, rooms, filter: None, is_sure: false, doubts_stamps: false, kept }
     }
 
     /// The model of the last answer.
@@ -67,6 +69,11 @@ impl Teller {
     /// The rooms that it tells apart.
     pub fn rooms(&self) -> &[String] {
         &self.rooms
+    }
+
+    /// Whether the room of the last frame and the filter's were known, and the same.
+    pub fn is_sure(&self) -> bool {
+        self.is_sure
     }
 
     /// What is said of a frame that was recognized; dashboards hear it too.
@@ -80,6 +87,8 @@ impl Teller {
     ) -> Vec<Utf8Bytes> {
         let mut said: Vec<Utf8Bytes> = self.changed_model(frame.seq, &seen.served).into_iter().collect();
         let filtered = self.filtered(frame, &seen, settings);
+        let is_sure = |told: &Filtered| told.known && seen.recognition.known && told.room == seen.room();
+        self.is_sure = filtered.as_ref().is_some_and(|filtered| is_sure(&filtered.told));
         let notice = filtered.as_ref().and_then(|filtered| self.notice(filtered.elapsed));
         let query =
             RecognizeQuery { robot: settings.robot.clone(), top: settings.top, ..RecognizeQuery::default() };

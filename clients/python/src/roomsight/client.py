@@ -78,13 +78,15 @@ class Client(ModelCalls, RobotCalls, ServiceCalls, Caller, Closing):
         model: Optional[str] = None,
         mode: Optional[str] = None,
         interval_ms: Optional[int] = None,
+        sure_interval_ms: Optional[int] = None,
         filter: Union[bool, dict[str, float], None] = None,
         deadline_ms: Optional[int] = None,
         top: Optional[int] = None,
         explain: Optional[bool] = None,
     ) -> Stream:
         """Opens a stream. ``mode`` is ``latest``, ``lossless`` or ``sampled``; for the rest see ``configure``."""
-        stream = self._open({"robot": robot, "model": model, "mode": mode, "interval_ms": interval_ms}, None)
+        intervals = {"interval_ms": interval_ms, "sure_interval_ms": sure_interval_ms}
+        stream = self._open({"robot": robot, "model": model, "mode": mode, **intervals}, None)
         if any(setting is not None for setting in (filter, deadline_ms, top, explain)):
             stream.configure(filter=filter, deadline_ms=deadline_ms, top=top, explain=explain)
         return stream
@@ -199,6 +201,7 @@ class Stream(Closing):
         model: Optional[str] = None,
         mode: Optional[str] = None,
         interval_ms: Optional[int] = None,
+        sure_interval_ms: Optional[int] = None,
         filter: Union[bool, dict[str, float], None] = None,
         deadline_ms: Optional[int] = None,
         top: Optional[int] = None,
@@ -206,6 +209,7 @@ class Stream(Closing):
     ) -> None:
         """Changes the stream; what is left out stays. The service answers with ``Configured``.
 
+        ``sure_interval_ms`` is the ``interval_ms`` of ``sampled`` while the room is known and stays the same;
         ``filter`` is True, False or ``{"trust": 0.5}``; ``deadline_ms`` is how long a frame may wait; ``explain``
         asks for the training frames that are most like each.
         """
@@ -214,6 +218,7 @@ class Stream(Closing):
             "model": model,
             "mode": mode,
             "interval_ms": interval_ms,
+            "sure_interval_ms": sure_interval_ms,
             "filter": filter,
             "deadline_ms": deadline_ms,
             "top": top,

@@ -36,6 +36,7 @@ class StreamSettings:
     mode: str
     robot: Optional[str] = None
     interval_ms: Optional[int] = None
+    sure_interval_ms: Optional[int] = None
     filter: Optional[FilterSettings] = None
     deadline_ms: Optional[int] = None
     top: Optional[int] = None
