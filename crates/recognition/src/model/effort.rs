@@ -4,7 +4,7 @@ use crate::classify::svm;
 use crate::file::names::{BAG, PATTERNS};
 use crate::look::lens::Lens;
 use crate::model::choose::Candidate;
-use crate::model::config::{ALWAYS_ALL, Config};
+use crate::model::config::Config;
 use crate::opinions::{
     Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
     VectorConfig,
@@ -15,9 +15,6 @@ use roomsight_vision::camera::CameraKind;
 use roomsight_vision::describe::{CsLbp, Descriptor, Region, SiftDescriptor};
 use roomsight_vision::detect::{Dense, Detector, Sift};
 use roomsight_vision::network::Around;
-
-/// How often early answers are to be right; as often as known ones are by default.
-const EARLY_PRECISION: f64 = 0.95;
 
 /// Smaller pictures show few blobs, unless they are doubled.
 const SMALL_SIDE: usize = 480;
@@ -56,7 +53,7 @@ impl Means {
             Effort::Fast => (vec![memory()], vec![patterns()]),
             // Corners of all around are enough.
             Effort::Balanced if is_around => (vec![memory()], vec![patterns(), bag(of_patterns())]),
-            // Corners answer the sure frames. The blobs of a doubled picture are four times the work.
+            // The blobs of a doubled picture are four times the work.
             Effort::Balanced => {
                 let blobs = sift(300, self.longest_side < SMALL_SIDE);
                 (vec![memory(), blobs], vec![patterns(), bag(of_gradients())])
@@ -66,7 +63,6 @@ impl Means {
             }
             Effort::Best => (vec![sift(600, true)], vec![patterns(), bag(of_gradients())]),
         };
-        let candidate = |name, opinions| self.candidate(name, opinions);
         if !with_network {
             return vec![
                 candidate("places and patterns", [&rooms[..], &looks].concat()),
@@ -83,12 +79,6 @@ impl Means {
             candidate("a network alone", vec![self.vector()]),
             candidate("everything", [rooms, looks].concat()),
         ]
-    }
-
-    fn candidate(&self, name: &str, opinions: Vec<Named>) -> Candidate {
-        let opinions = opinions.into_iter().map(|Named(name, opinion)| (name.to_owned(), opinion)).collect();
-        let early_precision = if self.effort == Effort::Best { ALWAYS_ALL } else { EARLY_PRECISION };
-        Candidate { name: name.to_owned(), config: Config { opinions, early_precision, ..Config::default() } }
     }
 
     /// How the default network looks at frames.
@@ -121,6 +111,11 @@ impl Means {
 /// An opinion by its name.
 #[derive(Clone)]
 struct Named(&'static str, OpinionConfig);
+
+fn candidate(name: &str, opinions: Vec<Named>) -> Candidate {
+    let opinions = opinions.into_iter().map(|Named(name, opinion)| (name.to_owned(), opinion)).collect();
+    Candidate { name: name.to_owned(), config: Config { opinions, ..Config::default() } }
+}
 
 /// Corners, as the fast loops find them.
 fn memory() -> Named {
@@ -172,7 +167,6 @@ fn bag(descriptor: Descriptor) -> Named {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::cascade::parts;
     use crate::model::choose::all_opinions;
 
     #[test]
@@ -200,16 +194,5 @@ mod tests {
         };
         assert!(looks_through(Effort::Balanced, true) && looks_through(Effort::Best, true));
         assert!(!looks_through(Effort::Fast, true) && !looks_through(Effort::Best, false));
-    }
-
-    #[test]
-    fn the_best_effort_always_asks_all() {
-        let asks_all = |effort| {
-            let means =
-                Means { effort, camera: CameraKind::Perspective, has_network: true, longest_side: 640 };
-            means.candidates().iter().map(|of| parts(&of.config).is_empty()).collect::<Vec<_>>()
-        };
-        assert_eq!(asks_all(Effort::Best), [true; 3]);
-        assert_eq!(asks_all(Effort::Balanced), [false, true, false], "but of a network alone");
     }
 }
