@@ -15,6 +15,7 @@ use roomsight_vision::network::Runtime;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::sync::Arc;
 
 /// The table of opinions in a configuration.
@@ -42,12 +43,12 @@ pub(in crate::cli) struct ConfigArgs {
     parameters: Vec<String>,
     /// How often known answers are to be right, from 0 to 1; the more, the fewer are known
     /// [default: 0.95, or as configured]
-    #[arg(long, value_name = "SHARE", value_parser = precision)]
+    #[arg(long, value_name = "SHARE", value_parser = share::<f32>)]
     precision: Option<f32>,
     /// How often answers are to be right that cheap opinions give alone, from 0 to 1: a network is looked through, and blobs are
     /// looked for, only where the others are so sure on held-out frames; where these are too few to show it, always. What
     /// is saved is paid for by new places that are taken for known ones more often. 1 always asks all [default: 1, or as configured]
-    #[arg(long, value_name = "SHARE", value_parser = early_precision)]
+    #[arg(long, value_name = "SHARE", value_parser = share::<f64>)]
     early_precision: Option<f64>,
     /// Take these opinions of the configuration only
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
@@ -82,8 +83,8 @@ impl From<EffortName> for Effort {
 }
 
 /// Reads a share.
-fn precision(text: &str) -> Result<f32, String> {
-    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
+fn share<T: FromStr + PartialOrd + From<u8>>(text: &str) -> Result<T, String> {
+    let share = text.parse().ok().filter(|share| (T::from(0)..=T::from(1)).contains(share));
     share.ok_or_else(|| "it must be from 0 to 1".to_owned())
 }
 
@@ -92,12 +93,6 @@ const MOST_TRIED: usize = 20;
 
 /// The longest side of frames whose size is not known, in pixels.
 const USUAL_SIDE: usize = 640;
-
-/// Reads a share.
-fn early_precision(text: &str) -> Result<f64, String> {
-    let share = text.parse().ok().filter(|share| (0.0..=1.0).contains(share));
-    share.ok_or_else(|| "it must be from 0 to 1".to_owned())
-}
 
 /// Of the first of the frames that can be read, which stands for all.
 fn longest_side(dataset: &Dataset) -> usize {

@@ -23,6 +23,7 @@ mod stream;
 mod stream_pressure;
 mod stream_property;
 mod stream_resume;
+mod stream_sampled;
 mod teaching;
 mod tls;
 mod trace;
