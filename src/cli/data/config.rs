@@ -46,8 +46,8 @@ pub(in crate::cli) struct ConfigArgs {
     #[arg(long, value_name = "SHARE", value_parser = share::<f32>)]
     precision: Option<f32>,
     /// How often answers are to be right that cheap opinions give alone, from 0 to 1: a network is looked through, and blobs are
-    /// looked for, only where the others are so sure on held-out frames; where these are too few to show it, always. What
-    /// is saved is paid for by new places that are taken for known ones more often. 1 always asks all [default: 1, or as configured]
+    /// looked for, only where the others are so sure on held-out frames; where these are too few to show it, always.
+    /// 1 always asks all [default: 0.95, 1 with --effort best, or as configured]
     #[arg(long, value_name = "SHARE", value_parser = share::<f64>)]
     early_precision: Option<f64>,
     /// Take these opinions of the configuration only

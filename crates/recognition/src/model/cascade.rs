@@ -16,6 +16,13 @@ use std::sync::Arc;
 /// The precision of early answers is shown when it would be this many standard deviations off by chance: one time in twenty.
 const DEVIATIONS: f64 = 1.645;
 
+/// Rooms that are left out of training are others than those that are met later, and look less new at times: this share of the
+/// early answers that could be given is enough, if they are given to what looks least new.
+const WORTH_CAUTION: f64 = 0.5;
+
+/// What sure answers may be limited to, beside [`NOVELTIES`].
+const LOW_NOVELTIES: [f32; 5] = [0.02, 0.01, 0.005, 0.002, 0.001];
+
 /// Opinions that answer without the costlier ones where they are sure.
 #[derive(Clone, Debug)]
 pub(crate) struct Early {
@@ -72,6 +79,10 @@ impl Early {
 /// A held-out frame, or one whose room was left out, as parts answer it and as all opinions do.
 #[derive(Clone, Debug)]
 struct Case {
+    /// What it counts.
+    weight: f64,
+    /// Whether its room was left out, so that no answer is right.
+    is_new: bool,
     /// By each part; `None` where it saw nothing.
     by_part: Vec<Option<Outcome>>,
     /// Whether all opinions are right, or do not know it where its room was left out.
@@ -87,19 +98,27 @@ struct Count {
     gained: f64,
     /// Not right, where all opinions are.
     lost: f64,
+    /// Frames of left-out rooms that all opinions do not know, unweighed: one may weigh next to nothing.
+    n_new_lost: f64,
 }
 
 impl Count {
-    fn add(&mut self, weight: f64, is_right: bool, is_right_by_all: bool) {
-        self.n += weight;
-        self.n_right += if is_right { weight } else { 0.0 };
-        self.gained += if is_right && !is_right_by_all { weight } else { 0.0 };
-        self.lost += if is_right_by_all && !is_right { weight } else { 0.0 };
+    fn add(&mut self, case: &Case, part_idx: usize) {
+        let (is_right, is_right_by_all) = (case.is_right(part_idx), case.is_right_by_all);
+        let of = |is_counted: bool, weight: f64| if is_counted { weight } else { 0.0 };
+        self.n += case.weight;
+        self.n_right += of(is_right, case.weight);
+        self.gained += of(is_right && !is_right_by_all, case.weight);
+        self.lost += of(is_right_by_all && !is_right, case.weight);
+        self.n_new_lost += of(case.is_new && is_right_by_all, 1.0);
     }
 
-    /// Whether so many of the answers are surely right, and those of all opinions are not clearly better.
+    /// Whether so many of the answers are surely right, those of all opinions are not clearly better, and these do not take
+    /// clearly more new places for known ones.
     fn shows(&self, precision: f64) -> bool {
-        !is_clear_gain(self.lost, self.gained) && lower_bound(self.n_right, self.n) >= precision
+        !is_clear_gain(self.lost, self.gained)
+            && !is_clear_gain(self.n_new_lost, 0.0)
+            && lower_bound(self.n_right, self.n) >= precision
     }
 }
 
@@ -122,36 +141,40 @@ pub(crate) struct Chosen {
     pub(crate) answers: Option<EarlyAnswers>,
 }
 
-/// Chooses thresholds for the answers of each part of the opinions, in the order of being asked: those under which most held-out
-/// frames are answered, of those under which these answers and the ones of parts before are shown to be as precise as wanted,
-/// and the answers of `all` opinions are not clearly better, where one frame in twenty shows a place that was never trained.
+/// Chooses thresholds for the answers of each part of the opinions, in the order of being asked: those under which about most
+/// held-out frames are answered, of those under which these answers and the ones of parts before are shown to be as precise as
+/// wanted, and the answers of `all` opinions are not clearly better, where one frame in twenty shows a place that was never
+/// trained.
 pub(crate) fn choose(all: &Outcomes, parts: &[&Outcomes], precision: f64) -> Chosen {
-    let case = |of: fn(&Outcomes) -> &BTreeMap<usize, Outcome>, number: &usize, is_right_by_all| Case {
-        by_part: parts.iter().map(|part| of(part).get(number).copied()).collect(),
-        is_right_by_all,
+    let by_part = |of: fn(&Outcomes) -> &BTreeMap<usize, Outcome>, number: &usize| {
+        parts.iter().map(|part| of(part).get(number).copied()).collect()
     };
-    let held_out = all.held_out.iter();
-    let held_out: Vec<Case> =
-        held_out.map(|(number, outcome)| case(|of| &of.held_out, number, outcome.is_right)).collect();
     let is_known = |outcome: &Outcome| {
         all.known.is_some_and(|known| known.holds(outcome.probability, Some(outcome.novelty)))
     };
-    let left_out = all.left_out.iter();
-    let left_out: Vec<Case> =
-        left_out.map(|(number, outcome)| case(|of| &of.left_out, number, !is_known(outcome))).collect();
-    let of_new = weight_of_new(held_out.len(), left_out.len());
-    let mut open: Vec<(f64, &Case)> = held_out.iter().map(|case| (1.0, case)).collect();
-    open.extend(left_out.iter().map(|case| (of_new, case)));
+    let of_new = weight_of_new(all.held_out.len(), all.left_out.len());
+    let held_out = all.held_out.iter().map(|(number, outcome)| Case {
+        weight: 1.0,
+        is_new: false,
+        by_part: by_part(|of| &of.held_out, number),
+        is_right_by_all: outcome.is_right,
+    });
+    let left_out = all.left_out.iter().map(|(number, outcome)| Case {
+        weight: of_new,
+        is_new: true,
+        by_part: by_part(|of| &of.left_out, number),
+        is_right_by_all: !is_known(outcome),
+    });
+    let (held_out, left_out): (Vec<Case>, Vec<Case>) = (held_out.collect(), left_out.collect());
+    let mut open: Vec<&Case> = held_out.iter().chain(&left_out).collect();
     let mut count = Count::default();
     let mut sure = Vec::with_capacity(parts.len());
     for (part_idx, part) in parts.iter().enumerate() {
         let chosen = part.known.and_then(|known| choose_of(part_idx, &open, known, count, precision));
         if let Some(chosen) = chosen {
             let (answered, left): (Vec<_>, Vec<_>) =
-                open.into_iter().partition(|(_, case)| case.is_sure(part_idx, chosen));
-            for (weight, case) in &answered {
-                count.add(*weight, case.is_right(part_idx), case.is_right_by_all);
-            }
+                open.into_iter().partition(|case| case.is_sure(part_idx, chosen));
+            answered.into_iter().for_each(|case| count.add(case, part_idx));
             open = left;
         }
         sure.push(chosen);
@@ -160,36 +183,29 @@ pub(crate) fn choose(all: &Outcomes, parts: &[&Outcomes], precision: f64) -> Cho
     Chosen { sure, answers }
 }
 
-/// The thresholds of one part, after `before` was answered.
-fn choose_of(
-    part_idx: usize,
-    open: &[(f64, &Case)],
-    known: Known,
-    before: Count,
-    precision: f64,
-) -> Option<Known> {
-    let mut open: Vec<(f64, &Case, Outcome)> =
-        open.iter().filter_map(|(weight, case)| Some((*weight, *case, case.by_part[part_idx]?))).collect();
-    open.retain(|(_, _, outcome)| known.holds(outcome.probability, Some(outcome.novelty)));
-    open.sort_by(|(_, _, a), (_, _, b)| b.probability.total_cmp(&a.probability));
-    let mut best: Option<(f64, Known)> = None;
-    let novelties = NOVELTIES.into_iter().filter(|novelty| *novelty <= known.most_novelty);
-    for most_novelty in novelties {
-        let near = || open.iter().filter(|(_, _, outcome)| outcome.novelty <= most_novelty);
-        let near: Vec<_> = near().collect();
+/// The thresholds of one part, after `before` was answered: those of the least novelty that cost few of the answers.
+fn choose_of(part_idx: usize, open: &[&Case], known: Known, before: Count, precision: f64) -> Option<Known> {
+    let mut open: Vec<(&Case, Outcome)> =
+        open.iter().filter_map(|case| Some((*case, case.by_part[part_idx]?))).collect();
+    open.retain(|(_, outcome)| known.holds(outcome.probability, Some(outcome.novelty)));
+    open.sort_by(|(_, a), (_, b)| b.probability.total_cmp(&a.probability));
+    let novelties = NOVELTIES.into_iter().chain(LOW_NOVELTIES).filter(|of| *of <= known.most_novelty);
+    let most_under = |most_novelty: f32| {
+        let near: Vec<_> = open.iter().filter(|(_, outcome)| outcome.novelty <= most_novelty).collect();
         let mut count = before;
-        for equal in near.chunk_by(|(_, _, a), (_, _, b)| a.probability == b.probability) {
-            for (weight, case, outcome) in equal {
-                count.add(*weight, outcome.is_right, case.is_right_by_all);
-            }
-            let is_more = best.is_none_or(|(most, _)| count.n_right >= most);
-            if is_more && count.shows(precision) {
-                let least_probability = equal[0].2.probability;
-                best = Some((count.n_right, Known { least_probability, most_novelty }));
+        let mut most = None;
+        for equal in near.chunk_by(|(_, a), (_, b)| a.probability == b.probability) {
+            equal.iter().for_each(|(case, _)| count.add(case, part_idx));
+            if count.shows(precision) {
+                let least_probability = equal[0].1.probability;
+                most = Some((count.n_right - before.n_right, Known { least_probability, most_novelty }));
             }
         }
-    }
-    best.map(|(_, sure)| sure)
+        most
+    };
+    let choices: Vec<(f64, Known)> = novelties.filter_map(most_under).collect();
+    let most = choices.iter().map(|(n_right, _)| *n_right).fold(0.0, f64::max);
+    choices.into_iter().rfind(|(n_right, _)| *n_right >= WORTH_CAUTION * most).map(|(_, sure)| sure)
 }
 
 impl Case {

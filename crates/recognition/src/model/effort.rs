@@ -4,7 +4,7 @@ use crate::classify::svm;
 use crate::file::names::{BAG, PATTERNS};
 use crate::look::lens::Lens;
 use crate::model::choose::Candidate;
-use crate::model::config::Config;
+use crate::model::config::{ALWAYS_ALL, Config};
 use crate::opinions::{
     Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
     VectorConfig,
@@ -18,6 +18,9 @@ use roomsight_vision::network::Around;
 
 /// Smaller pictures show few blobs, unless they are doubled.
 const SMALL_SIDE: usize = 480;
+
+/// How often cheap opinions are to be right where costly ones need not be asked.
+const SURE: f64 = 0.95;
 
 /// How much may be spent on a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -65,8 +68,8 @@ impl Means {
         };
         if !with_network {
             return vec![
-                candidate("places and patterns", [&rooms[..], &looks].concat()),
-                candidate("patterns alone", looks),
+                self.candidate("places and patterns", [&rooms[..], &looks].concat()),
+                self.candidate("patterns alone", looks),
             ];
         }
         rooms.push(self.vector());
@@ -75,10 +78,19 @@ impl Means {
             rooms.push(self.grid());
         }
         vec![
-            candidate("places and a network", rooms.clone()),
-            candidate("a network alone", vec![self.vector()]),
-            candidate("everything", [rooms, looks].concat()),
+            self.candidate("places and a network", rooms.clone()),
+            self.candidate("a network alone", vec![self.vector()]),
+            self.candidate("everything", [rooms, looks].concat()),
         ]
+    }
+
+    fn candidate(self, name: &str, opinions: Vec<Named>) -> Candidate {
+        let opinions = opinions.into_iter().map(|Named(name, opinion)| (name.to_owned(), opinion)).collect();
+        let early_precision = match self.effort {
+            Effort::Fast | Effort::Balanced => SURE,
+            Effort::Best => ALWAYS_ALL,
+        };
+        Candidate { name: name.to_owned(), config: Config { opinions, early_precision, ..Config::default() } }
     }
 
     /// How the default network looks at frames.
@@ -111,11 +123,6 @@ impl Means {
 /// An opinion by its name.
 #[derive(Clone)]
 struct Named(&'static str, OpinionConfig);
-
-fn candidate(name: &str, opinions: Vec<Named>) -> Candidate {
-    let opinions = opinions.into_iter().map(|Named(name, opinion)| (name.to_owned(), opinion)).collect();
-    Candidate { name: name.to_owned(), config: Config { opinions, ..Config::default() } }
-}
 
 /// Corners, as the fast loops find them.
 fn memory() -> Named {
@@ -194,5 +201,14 @@ mod tests {
         };
         assert!(looks_through(Effort::Balanced, true) && looks_through(Effort::Best, true));
         assert!(!looks_through(Effort::Fast, true) && !looks_through(Effort::Best, false));
+    }
+    #[test]
+    fn all_are_always_asked_where_it_may_cost_most() {
+        let always = |effort| {
+            let means =
+                Means { effort, camera: CameraKind::Perspective, has_network: true, longest_side: 640 };
+            means.candidates().iter().all(|candidate| candidate.config.early_precision >= ALWAYS_ALL)
+        };
+        assert_eq!([Effort::Fast, Effort::Balanced, Effort::Best].map(always), [false, false, true]);
     }
 }

@@ -72,6 +72,30 @@ fn what_is_not_known_is_never_sure_nor_are_new_places() {
 }
 
 #[test]
+fn new_places_are_known_no_more_often_than_to_all() {
+    let known_to_all =
+        |novelty| answers(&[(2000, 0.9, 0.1, true)], &[(295, 0.1, 0.9, false), (5, 0.9, novelty, false)]);
+    let known = Some(Known { least_probability: 0.5, most_novelty: 0.5 });
+    let of_all = |novelty| Outcomes { known, ..known_to_all(novelty) };
+    let cheap = answers(
+        &[(1000, 0.95, 0.1, true), (1000, 0.9, 0.1, true)],
+        &[(295, 0.1, 0.9, false), (5, 0.9, 0.1, false)],
+    );
+    // Five frames of 2300 would cost next to no precision.
+    assert_eq!(sure(&of_all(0.9), &[&cheap], 0.95), [Some(0.95)]);
+    assert_eq!(sure(&of_all(0.1), &[&cheap], 0.95), [Some(0.9)], "all know them too");
+}
+
+#[test]
+fn half_of_the_early_answers_are_enough_if_they_look_less_new() {
+    let most_novelty = |n_near: usize| {
+        let all = answers(&[(n_near, 0.9, 0.004, true), (2000 - n_near, 0.9, 0.25, true)], &[]);
+        choose(&all, &[&all], 0.95).sure[0].unwrap().most_novelty
+    };
+    assert_eq!([most_novelty(1000), most_novelty(999)], [0.005, 0.3]);
+}
+
+#[test]
 fn who_is_asked_next_is_judged_with_those_before() {
     let all = answers(&[(600, 0.9, 0.1, true)], &[]);
     let first = answers(&[(400, 0.9, 0.1, true), (200, 0.2, 0.1, false)], &[]);
