@@ -4,14 +4,17 @@
 //! |---|---|
 //! | `key` | a key: its role, its name, its robots |
 //! | `keyring` | the keys that are valid now, and the sessions made from them |
+//! | `seal` | what callers keep for the service, sealed |
 //! | `site` | names of the service, and pages that may call it |
 
 mod key;
 mod keyring;
+mod seal;
 mod site;
 
 pub use key::{Key, KeyError, Role, check_together};
 pub use keyring::Keyring;
+pub use seal::Seals;
 pub use site::{SiteError, Sites};
 
 use crate::problem::{Kind, Problem};

@@ -124,7 +124,7 @@ impl Engine {
             keyring: Keyring::new(&settings.keys)?,
             registry,
             pool: Pool::new(Size::of(&settings)).map_err(EngineError::Threads)?,
-            streams: Streams::new(&settings, body_memory.clone()),
+            streams: Streams::new(&settings, body_memory.clone())?,
             robots: Robots::new(&settings, events.clone()),
             body_memory,
             bodies: Arc::new(bodies),

@@ -18,6 +18,9 @@ use std::path::{Path, PathBuf};
 pub const ENVIRONMENT_PREFIX: &str = "ROOMSIGHT_";
 /// The longest life of a session, in milliseconds.
 const MAX_SESSION_MS: u64 = 30 * 24 * 3_600_000;
+/// The most keys that streams are sealed with: one that was, while another comes to be.
+const MAX_RESUME_KEYS: usize = 2;
+const MIN_RESUME_KEY_BYTES: usize = 32;
 
 /// All settings of the service. [`Settings::default`] is what runs when nothing is set.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -114,6 +117,11 @@ pub struct Settings {
     pub stream_write_timeout_ms: u64,
     /// How long a stream waits for its robot when the connection broke, in milliseconds.
     pub stream_resume_ms: u64,
+    /// What streams are sealed with that robots take to another service: the same for all that share robots, at least 32
+    /// characters each. The first seals, two at most open; none: streams end with their service.
+    pub resume_keys: Vec<Secret>,
+    /// How old what was sealed may be, in milliseconds.
+    pub resume_token_ms: u64,
     /// How long a robot's answers may be unknown before it counts as lost, in milliseconds.
     pub lost_after_ms: u64,
     /// How many bytes the robots' last frames may take that dashboards show; 0: none are kept.
@@ -228,6 +236,8 @@ impl Default for Settings {
             stream_idle_timeout_ms: 180_000,
             stream_write_timeout_ms: 10_000,
             stream_resume_ms: 30_000,
+            resume_keys: Vec::new(),
+            resume_token_ms: 3_600_000,
             lost_after_ms: 10_000,
             live_frames_bytes: 32 << 20,
             webhooks: Vec::new(),
@@ -284,6 +294,7 @@ impl Settings {
         // Of these the tables do not say all.
         for (name, is_same) in [
             ("webhook_secret", self.webhook_secret == other.webhook_secret),
+            ("resume_keys", self.resume_keys == other.resume_keys),
             ("mqtt", self.mqtt == other.mqtt),
         ] {
             if !is_same && !names.iter().any(|other| other == name) {
@@ -405,6 +416,17 @@ impl Settings {
         if self.stream_ping_ms == 0 || self.stream_ping_ms > self.stream_idle_timeout_ms {
             return wrong("stream_ping_ms", "it must be from 1 to `stream_idle_timeout_ms`".into());
         }
+        if self.resume_keys.len() > MAX_RESUME_KEYS
+            || self.resume_keys.iter().any(|key| key.reveal().len() < MIN_RESUME_KEY_BYTES)
+        {
+            return wrong(
+                "resume_keys",
+                format!(
+                    "there may be {MAX_RESUME_KEYS}, of {MIN_RESUME_KEY_BYTES} characters or more: `openssl rand -hex 32` \
+                     prints one"
+                ),
+            );
+        }
         if !self.otlp_endpoint.is_empty() {
             if !cfg!(feature = "otlp") {
                 let reason =
@@ -445,6 +467,7 @@ fn texts(values: HashMap<String, String>) -> Environment {
         .with_list_parse_key("hosts")
         .with_list_parse_key("origins")
         .with_list_parse_key("webhooks")
+        .with_list_parse_key("resume_keys")
 }
 
 #[cfg(test)]

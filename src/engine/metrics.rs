@@ -22,7 +22,9 @@ mod recorder;
 mod sums;
 mod totals;
 
-pub use labels::{FrameOutcome, SwapKind, SwapOutcome, TrainingOutcome, Transport, WebhookOutcome};
+pub use labels::{
+    FrameOutcome, SwapKind, SwapOutcome, TakeoverOutcome, TrainingOutcome, Transport, WebhookOutcome,
+};
 pub use recorder::Readings;
 pub use sums::SumsNow;
 
@@ -119,6 +121,7 @@ impl Metrics {
             }
         }
         TrainingOutcome::ALL.into_iter().for_each(|outcome| metrics.trainings(outcome).increment(0));
+        TakeoverOutcome::ALL.into_iter().for_each(|outcome| metrics.takeovers(outcome).increment(0));
         WebhookOutcome::ALL.into_iter().for_each(|outcome| metrics.webhooks(outcome).increment(0));
         Ok(metrics)
     }
@@ -192,6 +195,11 @@ impl Metrics {
         self.sums.dropped();
     }
 
+    /// A robot brought a stream that was elsewhere before.
+    pub fn taken_over(&self, outcome: TakeoverOutcome) {
+        self.takeovers(outcome).increment(1);
+    }
+
     /// What was counted of all frames together.
     pub fn sums(&self) -> SumsNow {
         self.sums.read()
@@ -262,6 +270,10 @@ impl Metrics {
 
     fn drops(&self, reason: DropReason) -> Counter {
         self.drops.get(&reason, || self.recorder.counter(&catalog::DROPS, &[drop_name(reason)]))
+    }
+
+    fn takeovers(&self, outcome: TakeoverOutcome) -> Counter {
+        self.recorder.counter(&catalog::TAKEOVERS, &[outcome.name()])
     }
 
     fn trainings(&self, outcome: TrainingOutcome) -> Counter {

@@ -16,6 +16,7 @@
 //! | `moment` | when a frame was taken, by the robot's clock or by ours |
 //! | `message` | messages as they are sent |
 //! | `kept` | what it has said, for a robot that comes back |
+//! | `token` | how it stands, sealed for its robot, which may take that to another process |
 //!
 //! A frame's way: `wire` → `inbox`: its share of memory → `session`: a number → `lane` → a thread takes the
 //! stream's first frame when its turn comes → `ledger` → `teller` → `socket`.
@@ -32,22 +33,27 @@ mod session;
 pub mod settings;
 mod socket;
 mod teller;
+mod token;
 mod turn;
 mod wire;
 
 use crate::access::Key;
 use crate::engine::Engine;
 use crate::engine::caller::CallerId;
+use crate::engine::metrics::TakeoverOutcome;
+use crate::engine::registry::Choice;
 use crate::engine::robots::RobotRecord;
+use crate::problem::Problem;
 use crate::settings::Settings;
 use hyper::upgrade::OnUpgrade;
 use inbox::{Inbox, MessageLimits};
 use intake::Intake;
 use permits::{NoPermit, Permit, Permits};
 use roomsight_protocol::stream::{StreamQuery, StreamSettings};
-use session::{Identity, Session};
+use session::{Identity, Session, TakenOver};
 use socket::{Close, Socket};
 use std::sync::Arc;
+use token::{Standing, Tokens};
 use tokio::sync::{Semaphore, mpsc};
 use tokio_util::task::TaskTracker;
 use tracing::Instrument;
@@ -56,6 +62,7 @@ use tracing::Instrument;
 pub struct Streams {
     permits: Permits,
     intake: Arc<Intake>,
+    tokens: Tokens,
     tasks: TaskTracker,
 }
 
@@ -78,12 +85,16 @@ pub struct Caller {
 
 impl Streams {
     /// As many as the settings allow, whose frames take their bytes from `memory`.
-    pub fn new(settings: &Settings, memory: Arc<Semaphore>) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// There are no random bytes.
+    pub fn new(settings: &Settings, memory: Arc<Semaphore>) -> Result<Self, getrandom::Error> {
+        Ok(Self {
             permits: Permits::new(settings.max_streams, settings.max_streams_of_one()),
             intake: Arc::new(Intake::new(memory, settings.max_buffered_bytes, settings.max_frame_bytes)),
+            tokens: Tokens::new(settings)?,
             tasks: TaskTracker::new(),
-        }
+        })
     }
 
     /// The robots of all streams, the stream that began first first.
@@ -116,8 +127,9 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
     let holder = id.clone().with_robot(settings.robot.as_deref());
     let inbox = Inbox::new(&limits, engine.streams.intake.clone(), holder.clone());
     let socket = Socket::new(upgraded, inbox, engine.settings.stream_write_timeout());
-    let mut arrival = Arrival { socket, is_resumed: true, last_seq: query.last_seq };
-    let resumed = query.session.and_then(|session| engine.streams.permits.arrivals(&session, key.as_deref()));
+    let StreamQuery { session, last_seq, resume, sent_seq, .. } = query;
+    let mut arrival = Arrival { socket, is_resumed: true, last_seq };
+    let resumed = session.and_then(|session| engine.streams.permits.arrivals(&session, key.as_deref()));
     if let Some(arrivals) = resumed {
         match arrivals.send(Box::new(arrival)).await {
             Ok(()) => return,
@@ -125,7 +137,10 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
             Err(refused) => arrival = *refused.0,
         }
     }
-    arrival.is_resumed = false;
+    let taken_over = resume
+        .and_then(|token| brought(&engine, &token, key.as_deref()))
+        .map(|standing| TakenOver { standing, last_seq, sent_seq });
+    arrival.is_resumed = taken_over.is_some();
     let (session, stream) = match (random_name::<16>(), random_name::<8>()) {
         (Ok(session), Ok(stream)) => (session, stream),
         (Err(error), _) | (_, Err(error)) => {
@@ -135,7 +150,11 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
     };
     let record = Arc::new(RobotRecord::of_stream(stream.clone(), key));
     let identity = Identity { session: session.clone(), stream: stream.clone(), caller: id };
-    let conversation = match Session::new(engine.clone(), identity, settings, record.clone()) {
+    let conversation = match taken_over {
+        Some(taken_over) => Session::take_over(engine.clone(), identity, taken_over, record.clone()),
+        None => Session::new(engine.clone(), identity, settings, record.clone()),
+    };
+    let conversation = match conversation {
         Ok(conversation) => conversation,
         Err(problem) => {
             tracing::warn!(%problem, "a stream has no model");
@@ -158,6 +177,34 @@ pub async fn welcome(engine: Engine, upgrade: OnUpgrade, Caller { key, id, query
     engine.streams.permits.leave(&session);
     engine.robots.left(&record);
     tracing::info!(stream, "a stream ended");
+}
+
+/// How a stream stood that its robot brings from elsewhere, with the key that opened it; none where it cannot go on here: then
+/// the robot begins anew.
+fn brought(engine: &Engine, token: &str, key: Option<&Key>) -> Option<Standing> {
+    let (standing, outcome) = match opened(engine, token, key) {
+        Ok(standing) => {
+            tracing::info!(from = standing.stream, "a stream goes on here");
+            (Some(standing), TakeoverOutcome::Done)
+        }
+        Err(problem) => {
+            tracing::info!(%problem, "a robot's stream from elsewhere does not go on");
+            (None, TakeoverOutcome::Refused)
+        }
+    };
+    engine.metrics.taken_over(outcome);
+    standing
+}
+
+fn opened(engine: &Engine, token: &str, key: Option<&Key>) -> Result<Standing, Problem> {
+    let standing =
+        engine.streams.tokens.open(token, key).map_err(|error| Problem::query(error.to_string()))?;
+    let StreamSettings { robot, model, .. } = &standing.settings;
+    if let Some(robot) = robot {
+        engine.keyring.check_robot(key, robot)?;
+    }
+    engine.registry.choose(Some(model), &Choice::Serving, robot.as_deref())?;
+    Ok(standing)
 }
 
 /// So many random bytes, in hexadecimal digits.

@@ -92,7 +92,9 @@ pub fn stream_document() -> Value {
                 "The subprotocol is `{SUBPROTOCOL}`. Where keys are asked for: the header \
                  `Authorization: Bearer KEY`, or a second subprotocol `{KEY_SUBPROTOCOL_PREFIX}KEY`. The query \
                  takes what `configure` takes, and `session` and `last_seq` to resume, with the key that opened \
-                 the stream. In the mode `lossless` \
+                 the stream; and, where the service told one, the last `resume` and `sent_seq`, the last frame that \
+                 was sent: then a service that never had the stream goes on with it too, and tells frames that no \
+                 answer came to as dropped, `lost`. In the mode `lossless` \
                  nothing is read beyond `limits.window` frames without an answer, nor while the service has no \
                  memory for a frame: a client that keeps to the window has its own pings answered in time. In \
                  the other modes the largest frames under way of the caller who holds most are dropped with \

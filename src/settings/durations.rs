@@ -67,6 +67,11 @@ impl Settings {
         Duration::from_millis(self.stream_write_timeout_ms)
     }
 
+    /// [`Settings::resume_token_ms`] as a duration.
+    pub fn resume_token(&self) -> Duration {
+        Duration::from_millis(self.resume_token_ms)
+    }
+
     /// [`Settings::stream_resume_ms`] as a duration.
     pub fn stream_resume(&self) -> Duration {
         Duration::from_millis(self.stream_resume_ms)

@@ -113,6 +113,8 @@ fn values_that_cannot_work_are_refused_by_name() {
         ("hosts", "http://lab"),
         ("origins", "lab"),
         ("session_ms", "0"),
+        ("resume_keys", "short"),
+        ("resume_keys", &["0123456789abcdef0123456789abcdef"; 3].join(",")),
         ("log_format", "xml"),
         ("otlp_endpoint", "https://collector:4318"),
     ] {

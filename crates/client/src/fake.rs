@@ -137,6 +137,7 @@ pub fn result(seq: u64, room: &str) -> ServerMessage {
         filtered: None,
         age_ms: Some(1.0),
         notice: None,
+        resume: None,
     }))
 }
 
@@ -150,6 +151,8 @@ fn hello() -> Hello {
         session: "fake".into(),
         stream: "known as fake".into(),
         resumed: false,
+        filter: None,
+        resume: None,
         next_seq: 0,
         settings: StreamSettings {
             robot: None,

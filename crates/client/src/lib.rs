@@ -19,10 +19,12 @@
 
 #[cfg(any(test, feature = "testing"))]
 pub mod fake;
+mod lasting;
 mod models;
 mod stream;
 mod tls;
 
+pub use lasting::LastingStream;
 pub use stream::{ResumePoint, Stream, StreamReceiver, StreamSender};
 pub use tls::install_provider;
 
@@ -157,9 +159,19 @@ impl Client {
     }
 
     /// Goes on with a stream whose connection broke: the session, its filter and its settings.
-    /// `hello().resumed` tells whether the service still had it.
+    /// `hello().resumed` tells whether the service still had it, or could take it over.
     pub async fn resume(&self, point: &ResumePoint) -> Result<Stream, ClientError> {
-        Stream::resume(self, point).await
+        Stream::resume(self, point, &Configure::default()).await
+    }
+
+    /// Opens a stream that goes on by itself where its connection breaks or its service stops, as long as the service can be
+    /// reached again within `patience`.
+    pub async fn lasting_stream(
+        &self,
+        configure: &Configure,
+        patience: Duration,
+    ) -> Result<LastingStream, ClientError> {
+        LastingStream::open(self.clone(), configure.clone(), patience).await
     }
 
     fn endpoint(&self, path: &str) -> Url {

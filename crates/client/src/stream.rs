@@ -9,6 +9,8 @@ use roomsight_protocol::header::Header;
 use roomsight_protocol::stream::{
     ClientMessage, Configure, FilterChoice, Hello, SUBPROTOCOL, ServerMessage, StreamQuery,
 };
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::http::HeaderValue;
@@ -32,13 +34,23 @@ pub struct Stream {
 
 /// The half of a stream that sends.
 #[derive(Debug)]
-pub struct StreamSender(SplitSink<Socket, Message>);
+pub struct StreamSender {
+    socket: SplitSink<Socket, Message>,
+    next: NextSeq,
+}
+
+/// The number of the next frame that brings none, as both halves know it.
+#[derive(Clone, Debug)]
+struct NextSeq(Arc<AtomicU64>);
 
 /// The half of a stream that receives. It must be read all the time: that also answers pings.
 #[derive(Debug)]
 pub struct StreamReceiver {
     socket: SplitStream<Socket>,
-    point: ResumePoint,
+    next: NextSeq,
+    session: String,
+    last_seq: Option<u64>,
+    resume: Option<String>,
 }
 
 /// Where a stream can go on after its connection broke.
@@ -48,27 +60,42 @@ pub struct ResumePoint {
     pub session: String,
     /// The last frame whose answer arrived.
     pub last_seq: Option<u64>,
+    /// The last frame that was sent.
+    pub sent_seq: Option<u64>,
+    /// How the stream stood, for a service that never had it; a secret, too. None where the service tells none.
+    pub resume: Option<String>,
 }
 
 impl Stream {
     pub(super) async fn open(client: &Client, configure: &Configure) -> Result<Self, ClientError> {
         let mut stream = Self::connect(client, &query_of(configure)).await?;
-        // An address has no words for how the filter weighs frames.
-        if let Some(FilterChoice::With(_)) = configure.filter {
-            stream.configure(&Configure { filter: configure.filter, ..Configure::default() }).await?;
-        }
+        stream.weigh(configure).await?;
         Ok(stream)
     }
 
-    pub(super) async fn resume(client: &Client, point: &ResumePoint) -> Result<Self, ClientError> {
-        let query = StreamQuery {
-            session: Some(point.session.clone()),
-            last_seq: point.last_seq,
-            ..StreamQuery::default()
-        };
+    /// An address has no words for how the filter weighs frames.
+    async fn weigh(&mut self, configure: &Configure) -> Result<(), ClientError> {
+        match configure.filter {
+            Some(FilterChoice::With(_)) => {
+                self.configure(&Configure { filter: configure.filter, ..Configure::default() }).await
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// A stream that cannot go on begins as is configured.
+    pub(super) async fn resume(
+        client: &Client,
+        point: &ResumePoint,
+        configure: &Configure,
+    ) -> Result<Self, ClientError> {
+        let ResumePoint { session, last_seq, sent_seq, resume } = point.clone();
+        let query = StreamQuery { session: Some(session), last_seq, sent_seq, resume, ..query_of(configure) };
         let mut stream = Self::connect(client, &query).await?;
         if stream.hello.resumed {
-            stream.receiver.point.last_seq = point.last_seq;
+            stream.receiver.last_seq = last_seq;
+        } else {
+            stream.weigh(configure).await?;
         }
         Ok(stream)
     }
@@ -102,7 +129,7 @@ impl Stream {
     }
 
     /// Where to go on if the connection breaks.
-    pub fn resume_point(&self) -> &ResumePoint {
+    pub fn resume_point(&self) -> ResumePoint {
         self.receiver.resume_point()
     }
 
@@ -137,12 +164,15 @@ impl Stream {
             },
         )?;
         let (sink, socket) = socket.split();
-        let point = ResumePoint { session: String::new(), last_seq: None };
-        let mut receiver = StreamReceiver { socket, point };
+        let next = NextSeq(Arc::default());
+        let sender = StreamSender { socket: sink, next: next.clone() };
+        let mut receiver =
+            StreamReceiver { socket, next, session: String::new(), last_seq: None, resume: None };
         loop {
             if let ServerMessage::Hello(hello) = receiver.receive().await? {
-                receiver.point.session.clone_from(&hello.session);
-                return Ok(Self { hello: *hello, sender: StreamSender(sink), receiver });
+                receiver.session.clone_from(&hello.session);
+                sender.next.sent_before(hello.next_seq);
+                return Ok(Self { hello: *hello, sender, receiver });
             }
         }
     }
@@ -151,23 +181,42 @@ impl Stream {
 impl StreamSender {
     /// Sends an encoded image, which the service numbers.
     pub async fn send(&mut self, frame: Vec<u8>) -> Result<(), ClientError> {
-        self.0.send(Message::binary(frame)).await.map_err(broken)
+        self.socket.send(Message::binary(frame)).await.map_err(broken)?;
+        self.next.sent();
+        Ok(())
     }
 
     /// Sends an encoded image with its number, and the time at which it was taken.
     pub async fn send_with(&mut self, header: Header, frame: &[u8]) -> Result<(), ClientError> {
-        self.send(header.join(frame)).await
+        self.socket.send(Message::binary(header.join(frame))).await.map_err(broken)?;
+        self.next.sent_before(header.seq.saturating_add(1));
+        Ok(())
     }
 
     /// Changes the stream; what is left out stays. The service answers with `configured`.
     pub async fn configure(&mut self, configure: &Configure) -> Result<(), ClientError> {
         let text = serde_json::to_string(&ClientMessage::Configure(configure.clone()))?;
-        self.0.send(Message::text(text)).await.map_err(broken)
+        self.socket.send(Message::text(text)).await.map_err(broken)
     }
 
     /// Says that the stream is at its end.
     pub async fn close(&mut self) -> Result<(), ClientError> {
-        self.0.close().await.map_err(broken)
+        self.socket.close().await.map_err(broken)
+    }
+}
+
+impl NextSeq {
+    fn sent(&self) {
+        self.0.fetch_add(1, Ordering::Relaxed);
+    }
+
+    fn sent_before(&self, next: u64) {
+        self.0.fetch_max(next, Ordering::Relaxed);
+    }
+
+    /// The last frame that was sent.
+    fn last(&self) -> Option<u64> {
+        self.0.load(Ordering::Relaxed).checked_sub(1)
     }
 }
 
@@ -181,7 +230,10 @@ impl StreamReceiver {
             match self.socket.next().await {
                 Some(Ok(Message::Text(text))) => {
                     let message: ServerMessage = serde_json::from_str(&text)?;
-                    self.point.last_seq = answered_seq(&message).or(self.point.last_seq);
+                    self.last_seq = answered_seq(&message).or(self.last_seq);
+                    if let Some(resume) = resume_of(&message) {
+                        self.resume = Some(resume.clone());
+                    }
                     return Ok(message);
                 }
                 Some(Ok(Message::Close(frame))) => return Err(closed(frame)),
@@ -194,8 +246,13 @@ impl StreamReceiver {
     }
 
     /// Where to go on if the connection breaks.
-    pub fn resume_point(&self) -> &ResumePoint {
-        &self.point
+    pub fn resume_point(&self) -> ResumePoint {
+        ResumePoint {
+            session: self.session.clone(),
+            last_seq: self.last_seq,
+            sent_seq: self.next.last(),
+            resume: self.resume.clone(),
+        }
     }
 }
 
@@ -214,8 +271,7 @@ fn query_of(configure: &Configure) -> StreamQuery {
         deadline_ms,
         top,
         explain,
-        session: None,
-        last_seq: None,
+        ..StreamQuery::default()
     }
 }
 
@@ -224,8 +280,16 @@ fn stream_url(client: &Client, query: &StreamQuery) -> Result<String, ClientErro
     Ok(call.url().as_str().replacen("http", "ws", 1))
 }
 
+fn resume_of(message: &ServerMessage) -> Option<&String> {
+    match message {
+        ServerMessage::Hello(hello) => hello.resume.as_ref(),
+        ServerMessage::Result(result) => result.resume.as_ref(),
+        _ => None,
+    }
+}
+
 /// The frame that a message answers.
-fn answered_seq(message: &ServerMessage) -> Option<u64> {
+pub(super) fn answered_seq(message: &ServerMessage) -> Option<u64> {
     match message {
         ServerMessage::Result(result) => Some(result.seq),
         ServerMessage::Dropped { seq, .. } => Some(*seq),
@@ -271,12 +335,13 @@ mod tests {
         });
         let mut stream = client(&url.await).stream(&Configure::default()).await.unwrap();
         assert_eq!(stream.hello().protocol, SUBPROTOCOL);
-        assert_eq!(stream.resume_point(), &ResumePoint { session: "fake".into(), last_seq: None });
+        let begun = ResumePoint { session: "fake".into(), last_seq: None, sent_seq: None, resume: None };
+        assert_eq!(stream.resume_point(), begun);
         stream.send(vec![0; 3]).await.unwrap();
         assert_eq!(stream.receive().await.unwrap(), dropped(3));
         stream.send_with(Header { seq: 7, captured_at_ns: Some(1) }, b"image").await.unwrap();
         assert_eq!(stream.receive().await.unwrap(), dropped(7));
-        assert_eq!(stream.resume_point().last_seq, Some(7));
+        assert_eq!(stream.resume_point(), ResumePoint { last_seq: Some(7), sent_seq: Some(7), ..begun });
     }
 
     #[tokio::test]
@@ -307,13 +372,14 @@ mod tests {
     #[tokio::test]
     async fn a_stream_goes_on_after_its_last_answer() {
         let url = fake::serve(|mut connection: Connection| async move {
-            let seq = if connection.uri.ends_with("session=fake&last_seq=4") { 5 } else { 4 };
+            let seq = if connection.uri.ends_with("session=fake&last_seq=4&sent_seq=0") { 5 } else { 4 };
             connection.say(&dropped(seq)).await;
         });
         let client = client(&url.await);
         let mut stream = client.stream(&Configure::default()).await.unwrap();
+        stream.send(vec![0]).await.unwrap();
         assert_eq!(stream.receive().await.unwrap(), dropped(4));
-        let mut stream = client.resume(stream.resume_point()).await.unwrap();
+        let mut stream = client.resume(&stream.resume_point()).await.unwrap();
         assert_eq!(stream.receive().await.unwrap(), dropped(5));
     }
 

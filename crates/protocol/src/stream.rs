@@ -27,6 +27,11 @@ pub struct StreamQuery {
     /// The last frame whose answer arrived, left out where none did; the answers after it that are still kept
     /// are sent again.
     pub last_seq: Option<u64>,
+    /// The last `resume` that arrived. With it the stream goes on, filter and all, also on a service that never had it, or has
+    /// forgotten it; with the key that opened the stream, where keys are asked for.
+    pub resume: Option<String>,
+    /// With `resume`: the last frame that was sent. Frames that no answer came to are told as lost up to this one.
+    pub sent_seq: Option<u64>,
     /// Who streams.
     #[cfg_attr(feature = "schema", param(example = "wall-e", max_length = 64))]
     pub robot: Option<String>,
@@ -233,8 +238,15 @@ pub struct Hello {
     /// The stream's public name, as dashboards and log lines have it; nobody can resume the stream by it.
     pub stream: String,
     /// Whether this is a stream that goes on. Answers after `last_seq` follow at once: all that were told since
-    /// the connection broke, and of those before at least the last `limits.window`.
+    /// the connection broke, and of those before at least the last `limits.window`. From a `resume` there are none: frames
+    /// without an answer are told as lost.
     pub resumed: bool,
+    /// What became of the filter, where the stream goes on from a `resume`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter: Option<FilterChange>,
+    /// As in results: what the stream goes on from before the first.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resume: Option<String>,
     /// The number of the next frame that brings none.
     pub next_seq: u64,
     /// How the stream is configured.
@@ -286,6 +298,10 @@ pub struct StreamResult {
     /// Something about the stream that its robot's developer should know; each is told once a stream.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub notice: Option<Notice>,
+    /// How the stream stands after this answer, sealed. Keep the last one secret: with `?resume=RESUME&last_seq=SEQ&sent_seq=SEQ`
+    /// any service with the same `resume_keys` goes on with the stream. Left out where there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub resume: Option<String>,
 }
 
 /// Something about a stream that its robot's developer should know.
@@ -340,6 +356,8 @@ pub enum DropReason {
     Overload,
     /// The service stops.
     Draining,
+    /// The service that had accepted it is gone; told by the one that goes on with the stream.
+    Lost,
 }
 
 /// From a frame on, another model answers.

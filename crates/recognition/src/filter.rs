@@ -66,6 +66,14 @@ impl RoomFilter {
         Self { belief: vec![1.0 / n_rooms as f32; n_rooms], elsewhere: None, trust }
     }
 
+    /// One that goes on from the [`RoomFilter::belief`] and the [`RoomFilter::novelty`] of another. `None` where they are not
+    /// those of a filter.
+    pub fn restored(belief: Vec<f32>, elsewhere: Option<f32>, trust: Trust) -> Option<Self> {
+        let is_share = |share: &f32| (0.0..=1.0).contains(share);
+        let is_belief = belief.iter().all(is_share) && (belief.iter().sum::<f32>() - 1.0).abs() < 1e-3;
+        (is_belief && elsewhere.iter().all(is_share)).then_some(Self { belief, elsewhere, trust })
+    }
+
     /// One probability a room, summing to 1: what the frames up to now say together.
     pub fn belief(&self) -> &[f32] {
         &self.belief

@@ -81,13 +81,20 @@ pub const FRAMES: Metric = counter(
 pub const DROPS: Metric = counter(
     "roomsight_frames_dropped_total",
     &["reason"],
-    "Frames of streams that were not looked at: superseded, deadline, overload or draining.",
+    "Frames of streams that were not looked at: superseded, deadline, overload, draining, or lost with the service \
+     that had accepted them.",
 );
 /// Where the time of frames goes.
 pub const STAGE_DURATION: Metric = seconds(
     "roomsight_frame_stage_duration_seconds",
     &["model", "stage"],
     "Where the time of answered frames went: queue, decode, features, classify.",
+);
+/// Streams that were elsewhere before.
+pub const TAKEOVERS: Metric = counter(
+    "roomsight_stream_takeovers_total",
+    &["outcome"],
+    "Streams that robots brought from a service that is gone: done, or refused, when they began anew.",
 );
 /// Rooms that were answered.
 pub const ANSWERS: Metric = counter(
@@ -246,11 +253,12 @@ pub const RESIDENT_MEMORY: Metric =
 pub const CPU: Metric =
     counter("process_cpu_seconds_total", &[], "Processor time of the process. Only on Linux.");
 
-pub const ALL: [&Metric; 40] = [
+pub const ALL: [&Metric; 41] = [
     &REQUESTS,
     &REQUEST_DURATION,
     &FRAMES,
     &DROPS,
+    &TAKEOVERS,
     &STAGE_DURATION,
     &ANSWERS,
     &EARLY_ANSWERS,

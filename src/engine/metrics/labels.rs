@@ -5,8 +5,13 @@ use roomsight_protocol::stream::DropReason;
 use roomsight_recognition::model::Unknown;
 
 /// Why frames of streams are not looked at.
-pub const DROP_REASONS: [DropReason; 4] =
-    [DropReason::Superseded, DropReason::Deadline, DropReason::Overload, DropReason::Draining];
+pub const DROP_REASONS: [DropReason; 5] = [
+    DropReason::Superseded,
+    DropReason::Deadline,
+    DropReason::Overload,
+    DropReason::Draining,
+    DropReason::Lost,
+];
 
 /// What brought a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -67,6 +72,15 @@ pub enum TrainingOutcome {
     Cancelled,
 }
 
+/// Whether a stream goes on that was elsewhere before.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TakeoverOutcome {
+    /// It does.
+    Done,
+    /// What its robot brought cannot be used: it begins anew.
+    Refused,
+}
+
 /// What became of an event for a webhook.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WebhookOutcome {
@@ -90,6 +104,17 @@ impl TrainingOutcome {
             Self::Done => "done",
             Self::Failed => "failed",
             Self::Cancelled => "cancelled",
+        }
+    }
+}
+
+impl TakeoverOutcome {
+    pub const ALL: [Self; 2] = [Self::Done, Self::Refused];
+
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Done => "done",
+            Self::Refused => "refused",
         }
     }
 }
@@ -173,5 +198,6 @@ pub fn drop_name(reason: DropReason) -> &'static str {
         DropReason::Deadline => "deadline",
         DropReason::Overload => "overload",
         DropReason::Draining => "draining",
+        DropReason::Lost => "lost",
     }
 }

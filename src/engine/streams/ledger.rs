@@ -68,6 +68,11 @@ impl Ledger {
         }
     }
 
+    /// The frames without a told answer, ascending.
+    pub fn untold(&self) -> impl Iterator<Item = u64> {
+        self.entries.iter().map(|entry| entry.frame.seq)
+    }
+
     /// How many frames are without a told answer.
     pub fn len(&self) -> usize {
         self.entries.len()

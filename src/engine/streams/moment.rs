@@ -1,6 +1,8 @@
 //! When a frame was taken, by the robot's clock or by ours.
 
 use super::ledger::Accepted;
+use super::token::{now_ms, since};
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// How far a robot's clock may be from ours, or leap beyond it from frame to frame, and still mean something.
@@ -11,6 +13,14 @@ const MAX_LEAP: Duration = Duration::from_secs(3600);
 pub struct Moment {
     captured_at_ns: Option<u64>,
     arrived: Instant,
+}
+
+/// A moment as another process understands it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SealedMoment {
+    captured_at_ns: Option<u64>,
+    /// In milliseconds since 1970.
+    arrived_ms: u64,
 }
 
 /// The time between two frames.
@@ -26,6 +36,18 @@ impl Moment {
     /// When this frame was taken.
     pub fn of(frame: &Accepted) -> Self {
         Self { captured_at_ns: frame.captured_at_ns, arrived: frame.arrived }
+    }
+
+    /// For another process.
+    pub fn sealed(self) -> SealedMoment {
+        let arrived_ms = now_ms().saturating_sub(self.arrived.elapsed().as_millis() as u64);
+        SealedMoment { captured_at_ns: self.captured_at_ns, arrived_ms }
+    }
+
+    /// Of another process.
+    pub fn opened(SealedMoment { captured_at_ns, arrived_ms }: SealedMoment) -> Self {
+        let now = Instant::now();
+        Self { captured_at_ns, arrived: now.checked_sub(since(arrived_ms)).unwrap_or(now) }
     }
 
     /// The time since an earlier frame; never negative.

@@ -2,7 +2,12 @@
 //!
 //! A task of its own owns all of it; the threads only take frames from its lane and say what became of them.
 //! The task outlives a connection that breaks, so that the robot can come back to its filter and to the
-//! answers that it missed.
+//! answers that it missed. Where it does not, another process may go on with it: `passing`.
+
+mod hello;
+mod passing;
+
+pub use passing::TakenOver;
 
 use super::inbox::{Incoming, Received};
 use super::intake::Whole;
@@ -24,9 +29,7 @@ use crate::engine::spans::FrameSpans;
 use crate::problem::Problem;
 use roomsight_protocol::event::Event;
 use roomsight_protocol::header::{Header, MAX_SEQ};
-use roomsight_protocol::stream::{
-    DropReason, Hello, Mode, SUBPROTOCOL, ServerMessage, StreamLimits, StreamSettings,
-};
+use roomsight_protocol::stream::{DropReason, FilterChange, Mode, ServerMessage, StreamSettings};
 use std::pin::pin;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -52,6 +55,8 @@ pub struct Session {
     news: UnboundedReceiver<News>,
     /// For the threads.
     newsroom: UnboundedSender<News>,
+    /// What became of the filter of a stream that was elsewhere before, until its robot was told.
+    taken_over: Option<FilterChange>,
 }
 
 /// What a stream is called, and who opened it.
@@ -129,6 +134,7 @@ impl Session {
             record,
             news,
             newsroom,
+            taken_over: None,
             engine,
         })
     }
@@ -170,13 +176,15 @@ impl Session {
         arrivals: &mut mpsc::Receiver<Box<Arrival>>,
     ) -> End {
         let engine = self.engine.clone();
-        if socket.send(text(&self.hello(is_resumed))).await.is_err() {
+        let hello = self.hello(is_resumed);
+        if socket.send(text(&hello)).await.is_err() {
             return End::Lost;
         }
-        for told in self.teller.told_after(last_seq) {
-            if socket.send(told).await.is_err() {
-                return End::Lost;
-            }
+        let kept = self.teller.told_after(last_seq);
+        // What is lost of a stream that was elsewhere.
+        let lost = self.tell();
+        if socket.say([kept, lost].concat()).await.is_err() {
+            return End::Lost;
         }
         let record = self.record.clone();
         let mut revoked = pin!(engine.keyring.revoked(record.key(), || record.robot()));
@@ -411,7 +419,8 @@ impl Session {
                 Outcome::Seen(seen) => {
                     self.engine.metrics.answer(&seen.served.name, seen.room(), &seen.recognition);
                     self.count(&seen.served.name, seen.served.version, FrameOutcome::Answered(seen.timings));
-                    self.teller.result(&frame, *seen, &self.settings, &self.engine, &self.record)
+                    let standing = self.engine.streams.tokens.are_told().then(|| self.standing());
+                    self.teller.result(&frame, *seen, &self.settings, &self.engine, &self.record, standing)
                 }
                 Outcome::Failed(problem) => {
                     self.record.failed();
@@ -462,28 +471,5 @@ impl Session {
 
     fn error(&self, seq: Option<u64>, problem: &Problem) -> Utf8Bytes {
         text(&ServerMessage::Error { seq, problem: problem.body(&self.identity.stream) })
-    }
-
-    fn hello(&self, resumed: bool) -> ServerMessage {
-        let settings = &self.engine.settings;
-        ServerMessage::Hello(Box::new(Hello {
-            protocol: SUBPROTOCOL.to_owned(),
-            session: self.identity.session.clone(),
-            stream: self.identity.stream.clone(),
-            resumed,
-            next_seq: self.next_seq,
-            settings: self.settings.clone(),
-            limits: StreamLimits {
-                max_frame_bytes: settings.max_frame_bytes,
-                max_frame_pixels: settings.max_frame_pixels,
-                window: settings.stream_window,
-                idle_timeout_ms: settings.stream_idle_timeout_ms,
-                message_timeout_ms: settings.stream_message_timeout_ms,
-                resume_ms: settings.stream_resume_ms,
-            },
-            modes: vec![Mode::Latest, Mode::Lossless, Mode::Sampled],
-            model: self.teller.model().clone(),
-            rooms: self.teller.rooms().to_vec(),
-        }))
     }
 }

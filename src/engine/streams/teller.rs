@@ -4,7 +4,8 @@
 use super::kept::Kept;
 use super::ledger::Accepted;
 use super::message::text;
-use super::moment::{Elapsed, Moment};
+use super::moment::{Elapsed, Moment, SealedMoment};
+use super::token::Standing;
 use crate::engine::Engine;
 use crate::engine::answer::answer;
 use crate::engine::doubts::OtherRooms;
@@ -21,6 +22,7 @@ use roomsight_protocol::stream::{
     StreamSettings,
 };
 use roomsight_recognition::filter::{RoomFilter, Trust};
+use serde::{Deserialize, Serialize};
 use tokio_tungstenite::tungstenite::Utf8Bytes;
 
 /// What a stream says, and has said.
@@ -37,6 +39,33 @@ pub struct Teller {
     /// The frames' stamps were found to be doubtful, and that was told.
     doubts_stamps: bool,
     kept: Kept,
+}
+
+/// What a stream has told, for another process that goes on with it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Told {
+    model: ModelName,
+    /// Tells the model's rooms from others.
+    rooms_digest: String,
+    belief: Option<SealedBelief>,
+    is_sure: bool,
+    doubts_stamps: bool,
+}
+
+impl Told {
+    /// Whether there is a filter that has taken in a frame.
+    pub fn believes(&self) -> bool {
+        self.belief.is_some()
+    }
+}
+
+/// A filter, and the frame it last took in.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct SealedBelief {
+    rooms: Vec<f32>,
+    elsewhere: Option<f32>,
+    settings: FilterSettings,
+    at: SealedMoment,
 }
 
 /// A filter, and the frame it last took in.
@@ -61,6 +90,39 @@ impl Teller {
         Self { stream, model, rooms, filter: None, is_sure: false, doubts_stamps: false, kept }
     }
 
+    /// Of a stream that has told so much elsewhere.
+    pub fn restored(stream: String, served: &ServedModel, settings: &Settings, told: Told) -> Self {
+        let new = Self::new(stream, served, settings);
+        if told.rooms_digest != digest_of(&new.rooms) {
+            return Self { doubts_stamps: told.doubts_stamps, ..new };
+        }
+        let is_same_model = (&told.model.name, told.model.version) == (&served.name, served.version);
+        Self {
+            // An epoch is the process's own.
+            model: if is_same_model { new.model } else { told.model },
+            filter: told.belief.and_then(|belief| belief.opened(new.rooms.len())),
+            is_sure: told.is_sure,
+            doubts_stamps: told.doubts_stamps,
+            ..new
+        }
+    }
+
+    /// What it has told, for another process.
+    pub fn told(&self) -> Told {
+        Told {
+            model: self.model.clone(),
+            rooms_digest: digest_of(&self.rooms),
+            belief: self.filter.as_ref().map(Belief::sealed),
+            is_sure: self.is_sure,
+            doubts_stamps: self.doubts_stamps,
+        }
+    }
+
+    /// Whether its filter has taken in a frame.
+    pub fn believes(&self) -> bool {
+        self.filter.is_some()
+    }
+
     /// The model of the last answer.
     pub fn model(&self) -> &ModelName {
         &self.model
@@ -76,7 +138,8 @@ impl Teller {
         self.is_sure
     }
 
-    /// What is said of a frame that was recognized; dashboards hear it too.
+    /// What is said of a frame that was recognized; dashboards hear it too. The stream stood so before, where
+    /// its robot is to keep how it stands.
     pub fn result(
         &mut self,
         frame: &Accepted,
@@ -84,6 +147,7 @@ impl Teller {
         settings: &StreamSettings,
         engine: &Engine,
         record: &RobotRecord,
+        standing: Option<Standing>,
     ) -> Vec<Utf8Bytes> {
         let mut said: Vec<Utf8Bytes> = self.changed_model(frame.seq, &seen.served).into_iter().collect();
         let filtered = self.filtered(frame, &seen, settings);
@@ -100,7 +164,9 @@ impl Teller {
         let answer = answer(seen, &query, &self.stream);
         let filtered = filtered.map(|filtered| filtered.told);
         let age_ms = Moment::of(frame).age_ms();
-        let result = StreamResult { seq: frame.seq, answer, filtered, age_ms, notice };
+        let standing = standing.map(|standing| Standing { told: self.told(), ..standing });
+        let resume = standing.and_then(|standing| engine.streams.tokens.seal(&standing, record.key()));
+        let result = StreamResult { seq: frame.seq, answer, filtered, age_ms, notice, resume };
         let latency_ms = ms(frame.arrived.elapsed());
         engine.robots.answered_in_stream(record, &result, latency_ms);
         engine.events.answered(|| AnswerEvent::of_stream(&self.stream, &result, latency_ms));
@@ -185,5 +251,74 @@ impl Teller {
         };
         self.filter = Some(belief);
         Some(Step { told, elapsed })
+    }
+}
+
+impl Belief {
+    fn sealed(&self) -> SealedBelief {
+        SealedBelief {
+            rooms: self.filter.belief().to_vec(),
+            elsewhere: self.filter.novelty(),
+            settings: self.settings,
+            at: self.at.sealed(),
+        }
+    }
+}
+
+impl SealedBelief {
+    /// None where it is not of so many rooms.
+    fn opened(self, n_rooms: usize) -> Option<Belief> {
+        let Self { rooms, elsewhere, settings, at } = self;
+        let trust = Trust::try_from(settings.trust).ok()?;
+        let filter = RoomFilter::restored(rooms, elsewhere, trust)?;
+        let is_of_rooms = filter.belief().len() == n_rooms;
+        is_of_rooms.then(|| Belief { filter, settings, at: Moment::opened(at) })
+    }
+}
+
+/// Tells these rooms from others.
+fn digest_of(rooms: &[String]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for room in rooms {
+        hasher.update(&(room.len() as u64).to_le_bytes()).update(room.as_bytes());
+    }
+    hasher.finalize().to_hex()[..16].to_owned()
+}
+
+#[cfg(test)]
+pub mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Of a stream that has told a little.
+    pub fn told() -> Told {
+        let model = ModelName { name: "home".into(), version: 3, epoch: 7, digest: "ab".into() };
+        let rooms_digest = digest_of(&["hall".into(), "lab".into()]);
+        Told { model, rooms_digest, belief: None, is_sure: true, doubts_stamps: false }
+    }
+
+    proptest! {
+        #[test]
+        fn a_filter_goes_on_bit_for_bit(
+            weights in prop::collection::vec(0.001..1.0_f32, 1..40), elsewhere in prop::option::of(0.0..=1.0_f32),
+        ) {
+            let sum: f32 = weights.iter().sum();
+            let rooms: Vec<f32> = weights.iter().map(|weight| weight / sum).collect();
+            let filter = RoomFilter::restored(rooms.clone(), elsewhere, Trust::default()).unwrap();
+            let at = Moment::opened(serde_json::from_str(r#"{"captured_at_ns":9,"arrived_ms":1}"#).unwrap());
+            let sealed = Belief { filter: filter.clone(), settings: FilterSettings::default(), at }.sealed();
+            let back: SealedBelief = serde_json::from_slice(&serde_json::to_vec(&sealed).unwrap()).unwrap();
+            prop_assert_eq!(back.clone().opened(rooms.len()).unwrap().filter, filter);
+            prop_assert!(back.opened(rooms.len() + 1).is_none());
+        }
+    }
+
+    #[test]
+    fn rooms_are_told_apart() {
+        let digest =
+            |rooms: &[&str]| digest_of(&rooms.iter().map(|&room| room.to_owned()).collect::<Vec<_>>());
+        assert_eq!(digest(&["a", "b"]), digest(&["a", "b"]));
+        assert_ne!(digest(&["a", "b"]), digest(&["ab"]));
+        assert_ne!(digest(&["a", "b"]), digest(&["b", "a"]));
     }
 }

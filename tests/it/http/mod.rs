@@ -20,6 +20,7 @@ mod replay;
 mod robot;
 mod service;
 mod stream;
+mod stream_passing;
 mod stream_pressure;
 mod stream_property;
 mod stream_resume;

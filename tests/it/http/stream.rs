@@ -51,8 +51,8 @@ async fn bare_frames_are_numbered_and_answered_in_order() {
         robot.send(room(seq % 3, 5)).await;
     }
     for seq in 0..30 {
-        let StreamResult { seq: told, answer, filtered, age_ms, notice } = result(robot.next().await);
-        assert_eq!(notice, None);
+        let StreamResult { seq: told, answer, filtered, age_ms, notice, resume } = result(robot.next().await);
+        assert_eq!((notice, resume), (None, None), "without keys nothing is sealed");
         assert_eq!((told, answer.room.as_str()), (seq, rooms[seq as usize % 3]));
         assert_eq!((answer.probabilities.len(), answer.robot.as_deref()), (2, Some("wall-e")));
         assert_eq!(answer.request_id, robot.hello.stream);

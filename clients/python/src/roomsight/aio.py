@@ -90,8 +90,8 @@ class AsyncClient(ModelCalls, RobotCalls, ServiceCalls, AsyncCaller, AsyncClosin
         return stream
 
     async def resume(self, point: ResumePoint) -> AsyncStream:
-        """Goes on with a stream whose connection broke; ``hello.resumed`` tells whether it was still there."""
-        return await self._open({"session": point.session, "last_seq": point.last_seq}, point)
+        """Goes on with a stream whose connection broke; ``hello.resumed`` tells whether it could."""
+        return await self._open(messages.resume_query(point), point)
 
     async def close(self) -> None:
         """Closes the connections of the calls and of the events. Streams are closed by themselves."""

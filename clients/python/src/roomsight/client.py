@@ -92,8 +92,8 @@ class Client(ModelCalls, RobotCalls, ServiceCalls, Caller, Closing):
         return stream
 
     def resume(self, point: ResumePoint) -> Stream:
-        """Goes on with a stream whose connection broke; ``hello.resumed`` tells whether it was still there."""
-        return self._open({"session": point.session, "last_seq": point.last_seq}, point)
+        """Goes on with a stream whose connection broke; ``hello.resumed`` tells whether it could."""
+        return self._open(messages.resume_query(point), point)
 
     def close(self) -> None:
         """Closes the connections of the calls and of the events. Streams are closed by themselves."""

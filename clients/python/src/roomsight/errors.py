@@ -19,10 +19,16 @@ class Problem:
 
 @dataclass(frozen=True)
 class ResumePoint:
-    """Where a stream can go on after its connection broke; ``last_seq`` is the last frame answered."""
+    """Where a stream can go on after its connection broke.
+
+    ``last_seq`` is the last frame answered, ``sent_seq`` the last one sent. ``resume`` is how the stream stood, sealed: with it
+    another service goes on with the stream, where services share their ``resume_keys``. ``session`` and ``resume`` are secrets.
+    """
 
     session: str
     last_seq: Optional[int] = None
+    sent_seq: Optional[int] = None
+    resume: Optional[str] = None
 
 
 class RoomsightError(Exception):

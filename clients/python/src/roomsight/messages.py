@@ -59,7 +59,8 @@ class StreamLimits:
 class Hello:
     """The first message of a connection.
 
-    ``session`` is a secret: who has it can go on with the stream. ``stream`` is the name that dashboards show.
+    ``session`` and ``resume`` are secrets: who has one can go on with the stream. ``stream`` is the name that dashboards show.
+    ``filter`` is ``kept`` or ``reset`` where the stream goes on that another service had.
     """
 
     protocol: str
@@ -72,6 +73,8 @@ class Hello:
     model: ModelName
     rooms: list[str]
     stream: Optional[str] = None
+    filter: Optional[str] = None
+    resume: Optional[str] = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +108,7 @@ class Result:
     filtered: Optional[Filtered] = None
     age_ms: Optional[float] = None
     notice: Optional[Notice] = None
+    resume: Optional[str] = None
 
     @property
     def room(self) -> str:
@@ -124,7 +128,8 @@ class Result:
 
 @dataclass(frozen=True)
 class Dropped:
-    """A frame was not looked at: ``superseded``, ``deadline``, ``draining``, or ``overload`` (never in ``lossless``)."""
+    """A frame was not looked at: ``superseded``, ``deadline``, ``draining``, ``overload`` (never in ``lossless``), or ``lost``
+    with the service that had it."""
 
     seq: int
     reason: str
@@ -185,9 +190,23 @@ def read_message(text: Union[str, bytes]) -> Message:
 
 def frame_message(frame: bytes, seq: int, captured_at_ns: Optional[int]) -> bytes:
     """A frame as it is sent: with a header where it is dated, else bare."""
-    if captured_at_ns is None:
-        return frame
-    return _HEADER.pack(b"RSF1", _DATED, seq, captured_at_ns) + frame
+    return frame if captured_at_ns is None else numbered_message(frame, seq, captured_at_ns)
+
+
+def numbered_message(frame: bytes, seq: int, captured_at_ns: Optional[int]) -> bytes:
+    """A frame with a header."""
+    flags = 0 if captured_at_ns is None else _DATED
+    return _HEADER.pack(b"RSF1", flags, seq, captured_at_ns or 0) + frame
+
+
+def resume_query(point: ResumePoint) -> dict[str, Any]:
+    """What in the address of a stream lets it go on."""
+    return {
+        "session": point.session,
+        "last_seq": point.last_seq,
+        "sent_seq": point.sent_seq,
+        "resume": point.resume,
+    }
 
 
 def configure_message(settings: dict[str, Any]) -> str:
@@ -204,12 +223,19 @@ def stream_url(url: str, query: dict[str, Any]) -> str:
 
 
 class Position:
-    """What both kinds of streams know of theirs: the next number, and the last answer."""
+    """What both kinds of streams know of theirs: the next number, the last answer, and how the stream stood then."""
 
     def __init__(self, hello: Hello, resumed_from: Optional[ResumePoint]) -> None:
         self.next_seq = hello.next_seq
-        last_seq = resumed_from.last_seq if resumed_from and hello.resumed else None
-        self.point = ResumePoint(hello.session, last_seq)
+        self._session = hello.session
+        self._last_seq = resumed_from.last_seq if resumed_from and hello.resumed else None
+        self._resume = hello.resume
+
+    @property
+    def point(self) -> ResumePoint:
+        """Where the stream can go on."""
+        sent_seq = self.next_seq - 1 if self.next_seq else None
+        return ResumePoint(self._session, self._last_seq, sent_seq, self._resume)
 
     def number(self) -> int:
         """The number of the frame that is about to be sent."""
@@ -220,5 +246,7 @@ class Position:
         """What the service says; the last answer is kept in mind."""
         message = read_message(text)
         if isinstance(message, (Result, Dropped, Error)) and message.seq is not None:
-            self.point = ResumePoint(self.point.session, message.seq)
+            self._last_seq = message.seq
+        if isinstance(message, Result) and message.resume is not None:
+            self._resume = message.resume
         return message

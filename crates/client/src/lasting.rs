@@ -1,0 +1,245 @@
+//! A stream that goes on by itself, over broken connections and services that stop.
+
+use super::stream::{Stream, answered_seq};
+use super::{Client, ClientError};
+use roomsight_protocol::header::Header;
+use roomsight_protocol::stream::{Configure, DropReason, Hello, ServerMessage};
+use std::collections::VecDeque;
+use std::time::{Duration, Instant};
+use tokio::time::sleep;
+
+/// The longest wait before the second try; it doubles from try to try.
+const FIRST_WAIT: Duration = Duration::from_millis(100);
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
+
+/// The codes with which a stream is closed that may go on elsewhere, or later: the service stops, restarts, or is full.
+const PASSING_CODES: [u16; 5] = [1001, 1006, 1011, 1012, 1013];
+
+/// A stream that goes on by itself. Every frame that was sent gets one answer, in order: one whose service is gone is told as
+/// dropped, being lost.
+#[derive(Debug)]
+pub struct LastingStream {
+    client: Client,
+    /// All that was configured.
+    configure: Configure,
+    patience: Duration,
+    stream: Stream,
+    /// The number of the next frame.
+    next_seq: u64,
+    /// The frames without an answer.
+    unanswered: VecDeque<u64>,
+    /// The frames that no service knows, before this is told.
+    lost: VecDeque<u64>,
+}
+
+impl LastingStream {
+    pub(super) async fn open(
+        client: Client,
+        configure: Configure,
+        patience: Duration,
+    ) -> Result<Self, ClientError> {
+        let stream = Stream::open(&client, &configure).await?;
+        let next_seq = stream.hello().next_seq;
+        let (unanswered, lost) = (VecDeque::new(), VecDeque::new());
+        Ok(Self { client, configure, patience, stream, next_seq, unanswered, lost })
+    }
+
+    /// What the service said first that has it now.
+    pub fn hello(&self) -> &Hello {
+        self.stream.hello()
+    }
+
+    /// Sends an encoded image, taken at a time in nanoseconds since 1970 where that is known; returns its number.
+    ///
+    /// # Errors
+    /// The service cannot be reached for too long, or refuses the stream.
+    pub async fn send(&mut self, frame: &[u8], captured_at_ns: Option<u64>) -> Result<u64, ClientError> {
+        loop {
+            let header = Header { seq: self.next_seq, captured_at_ns };
+            // It may have been sent even where that failed.
+            self.unanswered.push_back(header.seq);
+            self.next_seq += 1;
+            match self.stream.send_with(header, frame).await {
+                Ok(()) => return Ok(header.seq),
+                Err(error) => {
+                    // This frame goes out again, under another number: nobody is to hear of this one.
+                    self.unanswered.pop_back();
+                    self.go_on(error).await?;
+                }
+            }
+        }
+    }
+
+    /// Changes the stream; what is left out stays. The service answers with `configured`.
+    ///
+    /// # Errors
+    /// The service cannot be reached for too long, or refuses the stream.
+    pub async fn configure(&mut self, change: &Configure) -> Result<(), ClientError> {
+        self.configure = together(self.configure.clone(), change.clone());
+        while let Err(error) = self.stream.configure(change).await {
+            self.go_on(error).await?;
+        }
+        Ok(())
+    }
+
+    /// The next message.
+    ///
+    /// # Errors
+    /// The service cannot be reached for too long, or refuses the stream.
+    pub async fn receive(&mut self) -> Result<ServerMessage, ClientError> {
+        loop {
+            if let Some(seq) = self.next_lost() {
+                return Ok(ServerMessage::Dropped { seq, reason: DropReason::Lost });
+            }
+            match self.stream.receive().await {
+                Ok(message) => {
+                    // Else it was told twice, or of a frame that went out again.
+                    if answered_seq(&message).is_none_or(|seq| self.is_answered(seq)) {
+                        return Ok(message);
+                    }
+                }
+                Err(error) => self.go_on(error).await?,
+            }
+        }
+    }
+
+    /// A frame that is lost, once those before it have their answers.
+    fn next_lost(&mut self) -> Option<u64> {
+        let seq = *self.lost.front()?;
+        let is_next = self.unanswered.front().is_none_or(|&first| seq < first);
+        is_next.then(|| self.lost.pop_front())?
+    }
+
+    /// Whether this is the first answer to a frame.
+    fn is_answered(&mut self, seq: u64) -> bool {
+        let Ok(idx) = self.unanswered.binary_search(&seq) else { return false };
+        self.unanswered.remove(idx);
+        true
+    }
+
+    /// Goes on with the stream after this error, if that passes.
+    async fn go_on(&mut self, mut error: ClientError) -> Result<(), ClientError> {
+        let (began, mut longest) = (Instant::now(), FIRST_WAIT);
+        while may_pass(&error) {
+            let wait = some_of(longest);
+            if began.elapsed() + wait > self.patience {
+                break;
+            }
+            sleep(wait).await;
+            match Stream::resume(&self.client, &self.stream.resume_point(), &self.configure).await {
+                Ok(stream) => {
+                    self.stream = stream;
+                    self.give_up_unknown();
+                    return Ok(());
+                }
+                Err(again) => error = again,
+            }
+            longest = (longest * 2).min(LONGEST_WAIT);
+        }
+        Err(error)
+    }
+
+    /// Gives up the frames that the service does not know: of those before its next number it tells by itself.
+    fn give_up_unknown(&mut self) {
+        let hello = self.stream.hello();
+        let first_unknown = if hello.resumed { hello.next_seq } else { 0 };
+        let idx = self.unanswered.partition_point(|&seq| seq < first_unknown);
+        self.lost.extend(self.unanswered.split_off(idx));
+        self.next_seq = self.next_seq.max(hello.next_seq);
+    }
+}
+
+/// Whether it is worth another try.
+fn may_pass(error: &ClientError) -> bool {
+    match error {
+        ClientError::Broken(_) | ClientError::Late => true,
+        ClientError::Closed { code, .. } => PASSING_CODES.contains(code),
+        // A proxy whose services are gone, or a service that stops.
+        ClientError::Foreign(status) => status.is_server_error(),
+        ClientError::Refused { problem, .. } => matches!(problem.status, 429 | 503),
+        _ => false,
+    }
+}
+
+/// A random share of a time, so that robots do not come back all at once.
+fn some_of(longest: Duration) -> Duration {
+    let share = getrandom::u32().map_or(1.0, |random| f64::from(random) / f64::from(u32::MAX));
+    longest.mul_f64(share)
+}
+
+/// A configuration after a change.
+fn together(before: Configure, change: Configure) -> Configure {
+    Configure {
+        robot: change.robot.or(before.robot),
+        model: change.model.or(before.model),
+        mode: change.mode.or(before.mode),
+        interval_ms: change.interval_ms.or(before.interval_ms),
+        sure_interval_ms: change.sure_interval_ms.or(before.sure_interval_ms),
+        filter: change.filter.or(before.filter),
+        deadline_ms: change.deadline_ms.or(before.deadline_ms),
+        top: change.top.or(before.top),
+        explain: change.explain.or(before.explain),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fake::{self, Connection};
+    use super::*;
+    use roomsight_protocol::stream::Mode;
+
+    async fn lasting(url: &str, patience: Duration) -> LastingStream {
+        let client = Client::new(url, Some("rs_k")).unwrap();
+        let configure = Configure { robot: Some("wall-e".into()), ..Configure::default() };
+        client.lasting_stream(&configure, patience).await.unwrap()
+    }
+
+    fn lost(seq: u64) -> ServerMessage {
+        ServerMessage::Dropped { seq, reason: DropReason::Lost }
+    }
+
+    #[tokio::test]
+    async fn a_stream_goes_on_as_it_was_configured_and_what_nobody_knows_is_lost() {
+        let url = fake::serve(|mut connection: Connection| async move {
+            if connection.uri.contains("session=") {
+                assert!(connection.uri.contains("robot=wall-e&mode=lossless"), "{}", connection.uri);
+                assert!(connection.uri.contains("last_seq=0&sent_seq=2"), "{}", connection.uri);
+                let (header, _) = connection.frame().await.unwrap();
+                connection.say(&fake::result(header.unwrap().seq, "lab")).await;
+                let _ = connection.frame().await;
+            } else {
+                let _ = connection.text().await;
+                let _ = connection.frame().await;
+                connection.say(&fake::result(0, "lab")).await;
+                let _ = (connection.frame().await, connection.frame().await);
+            }
+        });
+        let mut stream = lasting(&url.await, Duration::from_secs(20)).await;
+        stream.configure(&Configure { mode: Some(Mode::Lossless), ..Configure::default() }).await.unwrap();
+        for seq in 0..3 {
+            assert_eq!(stream.send(b"image", None).await.unwrap(), seq);
+        }
+        assert_eq!(stream.receive().await.unwrap(), fake::result(0, "lab"));
+        assert_eq!(stream.receive().await.unwrap(), lost(1));
+        assert_eq!(stream.receive().await.unwrap(), lost(2));
+        assert_eq!(stream.send(b"image", None).await.unwrap(), 3);
+        assert_eq!(stream.receive().await.unwrap(), fake::result(3, "lab"));
+    }
+
+    #[tokio::test]
+    async fn patience_ends_and_a_refusal_is_no_matter_of_patience() {
+        let url = fake::serve(|mut connection: Connection| async move {
+            let code = if connection.uri.contains("session=") { 1013 } else { 1001 };
+            connection.close(code, "not now").await;
+        });
+        let mut stream = lasting(&url.await, Duration::from_millis(300)).await;
+        let error = stream.receive().await.unwrap_err();
+        assert!(matches!(error, ClientError::Closed { code: 1001 | 1013, .. }), "{error}");
+        let url = fake::serve(|mut connection: Connection| async move {
+            connection.close(1008, "the key is gone").await;
+        });
+        let mut stream = lasting(&url.await, Duration::from_secs(3600)).await;
+        let error = stream.receive().await.unwrap_err();
+        assert!(matches!(error, ClientError::Closed { code: 1008, .. }), "{error}");
+    }
+}
