@@ -47,12 +47,22 @@ class RunningService(unittest.TestCase):
             free.bind(("127.0.0.1", 0))
             cls.address = f"127.0.0.1:{free.getsockname()[1]}"
         cls.url = f"{'https' if cls.authority else 'http'}://{cls.address}"
+        cls.start()
+
+    @classmethod
+    def start(cls) -> None:
+        """Starts the service at its address."""
         cls.process = subprocess.Popen(
             [BINARY, "serve", "--models", str(cls.models), "--listen", cls.address, *cls.arguments]
             + [argument for setting in ["log_level=error", *cls.settings] for argument in ("--set", setting)]
         )
         cls.addClassCleanup(cls.process.wait)
         cls.addClassCleanup(cls.process.terminate)
+        cls.wait_until_ready()
+
+    @classmethod
+    def wait_until_ready(cls) -> None:
+        """Until frames are answered."""
         started = time.monotonic()
         while not is_ready(cls.url, cls.authority):
             if cls.process.poll() is not None or time.monotonic() - started > PATIENCE_S:

@@ -95,11 +95,11 @@ class Messages(unittest.TestCase):
     def test_the_last_answer_is_where_a_stream_goes_on(self) -> None:
         position = Position(read_message(json.dumps(HELLO)), ResumePoint("s", 4))  # type: ignore[arg-type]
         self.assertEqual((position.number(), position.number()), (7, 8))
-        self.assertEqual(position.point, ResumePoint("s", 4))
+        self.assertEqual(position.point, ResumePoint("s", 4, 8))
         self.assertIsInstance(position.read('{"type": "dropped", "seq": 6, "reason": "overload"}'), Dropped)
         problem = {"type": "/problems/x", "title": "X", "status": 400, "detail": "y", "request_id": "s"}
         self.assertIsInstance(position.read(json.dumps({"type": "error", "problem": problem})), Error)
-        self.assertEqual(position.point, ResumePoint("s", 6))
+        self.assertEqual(position.point, ResumePoint("s", 6, 8))
 
     def test_a_refusal_says_why_and_when_to_come_back(self) -> None:
         problem = {"type": "/problems/x", "title": "X", "status": 429, "detail": "y", "request_id": "s"}

@@ -45,6 +45,7 @@ from .inbox import (
     LearningPolicy,
 )
 from .keys import AsyncKeys, KeyInfo, Keys, NewKey
+from .lasting import AsyncLastingStream, LastingStream
 from .messages import (
     Configured,
     Draining,
@@ -113,6 +114,7 @@ __all__ = [
     "AsyncEvents",
     "AsyncInbox",
     "AsyncKeys",
+    "AsyncLastingStream",
     "AsyncSets",
     "AsyncStream",
     "AsyncTrainings",
@@ -147,6 +149,7 @@ __all__ = [
     "Keys",
     "LabelConflict",
     "LabeledFrames",
+    "LastingStream",
     "LearningPolicy",
     "LeftOutFile",
     "Lost",

@@ -14,13 +14,14 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 from websockets.typing import Subprotocol
 
-from . import calls, messages
+from . import calls, lasting, messages
 from .calls import DEFAULT_URL, PATIENCE_S, Frame
 from .closing import AsyncClosing
 from .errors import ConnectionLost, ResumePoint, RoomsightError
 from .events import Event, read_event
 from .inbox import AsyncInbox
 from .keys import AsyncKeys
+from .lasting import AsyncLastingStream
 from .messages import Hello, Message, Position
 from .models import ModelCalls
 from .robots import RobotCalls
@@ -83,11 +84,27 @@ class AsyncClient(ModelCalls, RobotCalls, ServiceCalls, AsyncCaller, AsyncClosin
         explain: Optional[bool] = None,
     ) -> AsyncStream:
         """Opens a stream. ``mode`` is ``latest``, ``lossless`` or ``sampled``; for the rest see ``configure``."""
-        intervals = {"interval_ms": interval_ms, "sure_interval_ms": sure_interval_ms}
-        stream = await self._open({"robot": robot, "model": model, "mode": mode, **intervals}, None)
-        if any(setting is not None for setting in (filter, deadline_ms, top, explain)):
-            await stream.configure(filter=filter, deadline_ms=deadline_ms, top=top, explain=explain)
-        return stream
+        settings = {
+            "robot": robot,
+            "model": model,
+            "mode": mode,
+            "interval_ms": interval_ms,
+            "sure_interval_ms": sure_interval_ms,
+            "filter": filter,
+            "deadline_ms": deadline_ms,
+            "top": top,
+            "explain": explain,
+        }
+        return await self._begin(settings, None)
+
+    async def lasting_stream(self, *, patience_s: float = lasting.PATIENCE_S, **settings: Any) -> AsyncLastingStream:
+        """Opens a stream, with the settings of ``stream``, that goes on by itself where its connection breaks or its service
+        stops: on the same service or, where services share their ``resume_keys``, on another behind the same address.
+
+        ``patience_s`` is how long the service may be out of reach.
+        """
+        stream = await self._begin(settings, None)
+        return AsyncLastingStream(self._begin, settings, patience_s, stream)
 
     async def resume(self, point: ResumePoint) -> AsyncStream:
         """Goes on with a stream whose connection broke; ``hello.resumed`` tells whether it could."""
@@ -98,6 +115,13 @@ class AsyncClient(ModelCalls, RobotCalls, ServiceCalls, AsyncCaller, AsyncClosin
         for events in list(self._events):
             await events.close()
         await self._http.aclose()
+
+    async def _begin(self, settings: dict[str, Any], point: Optional[ResumePoint]) -> AsyncStream:
+        stream = await self._open(messages.begin_query(settings, point), point)
+        told = messages.not_in_address(settings)
+        if told and not stream.hello.resumed:
+            await stream.configure(**told)
+        return stream
 
     async def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> AsyncStream:
         # What was opened is closed again where the stream does not begin as it should.
@@ -183,6 +207,12 @@ class AsyncStream(AsyncClosing):
         seq = self._position.number()
         await self._send(message)
         return seq
+
+    async def send_numbered(self, frame: bytes, seq: int, captured_at_ns: Optional[int] = None) -> None:
+        """Sends an encoded image under a number of your own, larger than those before it."""
+        message = messages.numbered_message(frame, seq, captured_at_ns)
+        self._position.next_seq = seq + 1
+        await self._send(message)
 
     async def configure(
         self,

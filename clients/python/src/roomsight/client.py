@@ -15,13 +15,14 @@ from websockets.exceptions import WebSocketException
 from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Subprotocol
 
-from . import calls, messages
+from . import calls, lasting, messages
 from .calls import DEFAULT_URL, PATIENCE_S, Frame
 from .closing import Closing
 from .errors import ConnectionLost, ResumePoint, RoomsightError
 from .events import Event, read_event
 from .inbox import Inbox
 from .keys import Keys
+from .lasting import LastingStream
 from .messages import Hello, Message, Position
 from .models import ModelCalls
 from .robots import RobotCalls
@@ -85,11 +86,26 @@ class Client(ModelCalls, RobotCalls, ServiceCalls, Caller, Closing):
         explain: Optional[bool] = None,
     ) -> Stream:
         """Opens a stream. ``mode`` is ``latest``, ``lossless`` or ``sampled``; for the rest see ``configure``."""
-        intervals = {"interval_ms": interval_ms, "sure_interval_ms": sure_interval_ms}
-        stream = self._open({"robot": robot, "model": model, "mode": mode, **intervals}, None)
-        if any(setting is not None for setting in (filter, deadline_ms, top, explain)):
-            stream.configure(filter=filter, deadline_ms=deadline_ms, top=top, explain=explain)
-        return stream
+        settings = {
+            "robot": robot,
+            "model": model,
+            "mode": mode,
+            "interval_ms": interval_ms,
+            "sure_interval_ms": sure_interval_ms,
+            "filter": filter,
+            "deadline_ms": deadline_ms,
+            "top": top,
+            "explain": explain,
+        }
+        return self._begin(settings, None)
+
+    def lasting_stream(self, *, patience_s: float = lasting.PATIENCE_S, **settings: Any) -> LastingStream:
+        """Opens a stream, with the settings of ``stream``, that goes on by itself where its connection breaks or its service
+        stops: on the same service or, where services share their ``resume_keys``, on another behind the same address.
+
+        ``patience_s`` is how long the service may be out of reach.
+        """
+        return LastingStream(self._begin, settings, patience_s)
 
     def resume(self, point: ResumePoint) -> Stream:
         """Goes on with a stream whose connection broke; ``hello.resumed`` tells whether it could."""
@@ -100,6 +116,13 @@ class Client(ModelCalls, RobotCalls, ServiceCalls, Caller, Closing):
         for events in list(self._events):
             events.close()
         self._http.close()
+
+    def _begin(self, settings: dict[str, Any], point: Optional[ResumePoint]) -> Stream:
+        stream = self._open(messages.begin_query(settings, point), point)
+        told = messages.not_in_address(settings)
+        if told and not stream.hello.resumed:
+            stream.configure(**told)
+        return stream
 
     def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> Stream:
         # What was opened is closed again where the stream does not begin as it should.
@@ -193,6 +216,12 @@ class Stream(Closing):
         seq = self._position.number()
         self._send(message)
         return seq
+
+    def send_numbered(self, frame: bytes, seq: int, captured_at_ns: Optional[int] = None) -> None:
+        """Sends an encoded image under a number of your own, larger than those before it."""
+        message = messages.numbered_message(frame, seq, captured_at_ns)
+        self._position.next_seq = seq + 1
+        self._send(message)
 
     def configure(
         self,

@@ -222,6 +222,21 @@ def stream_url(url: str, query: dict[str, Any]) -> str:
     return f"{base}/v1/stream" + (f"?{urlencode(given)}" if given else "")
 
 
+#: What of a stream's settings stands in its address.
+IN_ADDRESS = ("robot", "model", "mode", "interval_ms", "sure_interval_ms")
+
+
+def begin_query(settings: dict[str, Any], point: Optional[ResumePoint]) -> dict[str, Any]:
+    """The query of a stream that is configured so, or goes on from a point."""
+    in_address = {name: settings.get(name) for name in IN_ADDRESS}
+    return in_address if point is None else {**in_address, **resume_query(point)}
+
+
+def not_in_address(settings: dict[str, Any]) -> dict[str, Any]:
+    """The settings that are told once the stream has begun."""
+    return {name: value for name, value in settings.items() if value is not None and name not in IN_ADDRESS}
+
+
 class Position:
     """What both kinds of streams know of theirs: the next number, the last answer, and how the stream stood then."""
 
