@@ -4,6 +4,7 @@
 //! when it was due. A service that stands still therefore shows in every frame that was due meanwhile.
 
 mod frames;
+mod lasting;
 mod page;
 mod report;
 mod robot;
@@ -19,9 +20,9 @@ use clap::{Args, ValueEnum};
 use frames::Frames;
 use report::{GateArgs, Report, Setting};
 use robot::{Drive, Feed};
-use roomsight_client::{Client, ClientError, Stream};
+use roomsight_client::{Client, ClientError, LastingStream, Stream};
 use roomsight_lab::dataset::Dataset;
-use roomsight_protocol::stream::{Configure, FilterChoice, Mode};
+use roomsight_protocol::stream::{Configure, FilterChoice, Hello, Mode};
 use schedule::{Rate, Track};
 use std::collections::BTreeSet;
 use std::fs;
@@ -75,6 +76,10 @@ pub(super) struct ReplayArgs {
     /// Do not filter them
     #[arg(long)]
     no_filter: bool,
+    /// Go on with streams whose service breaks or stops, for so long, as robots do: on the same service, or on another behind
+    /// the same address. What went down with a service counts as dropped, lost [default: they end]
+    #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
+    patience: Option<u64>,
     /// With --transport rest: how many calls at most are under way at one time
     #[arg(long, default_value_t = 64, value_name = "N", value_parser = data::at_least(1))]
     connections: usize,
@@ -118,8 +123,10 @@ enum ModeName {
 /// Plays, prints what came of it, and fails where a gate does.
 pub(super) fn run(args: &ReplayArgs) -> anyhow::Result<()> {
     let is_about_streams = args.mode.is_some() || args.filter || args.no_filter || args.interval.is_some();
-    if args.transport == Transport::Rest && is_about_streams {
-        bail!("--mode, --interval and --filter are of streams: leave them out, or --transport rest");
+    if args.transport == Transport::Rest && (is_about_streams || args.patience.is_some()) {
+        bail!(
+            "--mode, --interval, --filter and --patience are of streams: leave them out, or --transport rest"
+        );
     }
     let dataset = args.data.open(None)?;
     if dataset.frames.is_empty() {
@@ -146,6 +153,7 @@ pub(super) fn run(args: &ReplayArgs) -> anyhow::Result<()> {
 /// The way frames go.
 enum Way {
     Stream(Vec<Stream>),
+    Lasting(Vec<LastingStream>),
     Rest(Client),
 }
 
@@ -171,6 +179,11 @@ async fn play(args: &ReplayArgs, dataset: Dataset, track: &Track) -> anyhow::Res
                 robots.spawn(robot::stream(drive.clone(), feed, stream));
             }
         }
+        Way::Lasting(streams) => {
+            for (feed, stream) in feeds.zip(streams) {
+                robots.spawn(lasting::stream(drive.clone(), feed, stream));
+            }
+        }
         Way::Rest(client) => {
             let connections = Arc::new(Semaphore::new(args.connections));
             for feed in feeds {
@@ -192,6 +205,13 @@ async fn connect(args: &ReplayArgs, client: Client) -> Result<Way, ClientError> 
         // Whether it is there at all.
         client.is_ready().await?;
         return Ok(Way::Rest(client));
+    }
+    if let Some(patience) = args.patience.map(Duration::from_secs) {
+        let mut streams = Vec::with_capacity(args.robots);
+        for robot_idx in 0..args.robots {
+            streams.push(client.lasting_stream(&configure(args, robot_idx), patience).await?);
+        }
+        return Ok(Way::Lasting(streams));
     }
     let mut streams = Vec::with_capacity(args.robots);
     for robot_idx in 0..args.robots {
@@ -221,23 +241,16 @@ fn robot_name(robot_idx: usize) -> String {
 
 /// What the report says of the conditions.
 async fn setting(args: &ReplayArgs, way: &Way, rooms: &[String]) -> Setting {
-    let (model, rooms_of_model, mode) = match way {
-        Way::Stream(streams) => {
-            let hello = streams.first().map(Stream::hello);
-            let model = hello.map(|hello| (hello.model.name.clone(), hello.model.version));
-            let mode = args.mode.as_ref().and_then(ValueEnum::to_possible_value);
-            let mode = mode.map_or("latest".to_owned(), |mode| mode.get_name().to_owned());
-            (model, hello.map(|hello| hello.rooms.clone()), Some(mode))
-        }
-        Way::Rest(client) => {
-            // A robot's key may not be allowed to ask: then it stays open.
-            let serving = serving(args, client).await;
-            let (model, rooms) = serving.map_or((None, None), |(model, rooms)| (Some(model), Some(rooms)));
-            (model, rooms, None)
-        }
+    let serving = match way {
+        Way::Stream(streams) => streams.first().map(Stream::hello).map(Serving::from),
+        Way::Lasting(streams) => streams.first().map(LastingStream::hello).map(Serving::from),
+        // A robot's key may not be allowed to ask: then it stays open.
+        Way::Rest(client) => serving(args, client).await,
     };
-    let known: Option<BTreeSet<String>> = rooms_of_model.map(|rooms| rooms.into_iter().collect());
-    let is_unknown = |room: &&String| known.as_ref().is_some_and(|known| !known.contains(*room));
+    let mode = args.mode.as_ref().and_then(ValueEnum::to_possible_value);
+    let mode = mode.map_or("latest".to_owned(), |mode| mode.get_name().to_owned());
+    let known: Option<BTreeSet<&String>> = serving.as_ref().map(|serving| serving.rooms.iter().collect());
+    let is_unknown = |room: &&String| known.as_ref().is_some_and(|known| !known.contains(room));
     let (transport, rate) = (args.transport, args.rate);
     Setting {
         url: args.url.clone(),
@@ -250,19 +263,31 @@ async fn setting(args: &ReplayArgs, way: &Way, rooms: &[String]) -> Setting {
             Rate::Max => "max".to_owned(),
         },
         robots: args.robots,
-        mode,
-        model: model.map(|(name, version)| format!("{name}/{version}")),
+        mode: (transport == Transport::Stream).then_some(mode),
+        model: serving.as_ref().map(|serving| format!("{}/{}", serving.name, serving.version)),
         unknown_rooms: rooms.iter().filter(is_unknown).cloned().collect(),
     }
 }
 
-/// The name and version of the model that answers, and its rooms.
-async fn serving(args: &ReplayArgs, client: &Client) -> Option<((String, u64), Vec<String>)> {
+/// The model that answers.
+struct Serving {
+    name: String,
+    version: u64,
+    rooms: Vec<String>,
+}
+
+impl From<&Hello> for Serving {
+    fn from(hello: &Hello) -> Self {
+        Self { name: hello.model.name.clone(), version: hello.model.version, rooms: hello.rooms.clone() }
+    }
+}
+
+async fn serving(args: &ReplayArgs, client: &Client) -> Option<Serving> {
     let list = client.models().await.ok()?;
     let name = args.model.as_ref().or(list.default.as_ref())?;
     let model = list.models.iter().find(|model| &model.name == name)?;
     let version = model.versions.iter().find(|version| Some(version.version) == model.serving)?;
-    Some(((name.clone(), version.version), version.rooms.clone()?))
+    Some(Serving { name: name.clone(), version: version.version, rooms: version.rooms.clone()? })
 }
 
 fn end(args: &ReplayArgs) -> anyhow::Result<Duration> {

@@ -6,14 +6,20 @@ use roomsight_protocol::header::Header;
 use roomsight_protocol::stream::{Configure, DropReason, Hello, ServerMessage};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
-use tokio::time::sleep;
+use tokio::time::{sleep, timeout_at};
 
 /// The longest wait before the second try; it doubles from try to try.
 const FIRST_WAIT: Duration = Duration::from_millis(100);
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 
-/// The codes with which a stream is closed that may go on elsewhere, or later: the service stops, restarts, or is full.
-const PASSING_CODES: [u16; 5] = [1001, 1006, 1011, 1012, 1013];
+/// A stream over which nothing comes for so long has broken: its service hangs, or the network between is gone.
+pub(super) const SILENCE: Duration = Duration::from_secs(15);
+/// A sign of life is asked for so often in that time.
+const N_PINGS: u32 = 3;
+
+/// The codes with which a stream is closed that may go on elsewhere, or later: the service stops, restarts, is full, or is gone
+/// without a code.
+const PASSING_CODES: [u16; 6] = [1001, 1005, 1006, 1011, 1012, 1013];
 
 /// A stream that goes on by itself. Every frame that was sent gets one answer, in order: one whose service is gone is told as
 /// dropped, being lost.
@@ -23,6 +29,7 @@ pub struct LastingStream {
     /// All that was configured.
     configure: Configure,
     patience: Duration,
+    silence: Duration,
     stream: Stream,
     /// The number of the next frame.
     next_seq: u64,
@@ -30,6 +37,18 @@ pub struct LastingStream {
     unanswered: VecDeque<u64>,
     /// The frames that no service knows, before this is told.
     lost: VecDeque<u64>,
+    /// When a sign of life was asked for.
+    pinged: Instant,
+    /// Since the last message that was no `hello`.
+    trouble: Option<Trouble>,
+}
+
+/// A service that is out of reach, or lets streams begin and no more.
+#[derive(Debug)]
+struct Trouble {
+    began: Instant,
+    /// The longest wait before the next try.
+    longest_wait: Duration,
 }
 
 impl LastingStream {
@@ -40,8 +59,18 @@ impl LastingStream {
     ) -> Result<Self, ClientError> {
         let stream = Stream::open(&client, &configure).await?;
         let next_seq = stream.hello().next_seq;
-        let (unanswered, lost) = (VecDeque::new(), VecDeque::new());
-        Ok(Self { client, configure, patience, stream, next_seq, unanswered, lost })
+        Ok(Self {
+            client,
+            configure,
+            patience,
+            silence: SILENCE,
+            stream,
+            next_seq,
+            unanswered: VecDeque::new(),
+            lost: VecDeque::new(),
+            pinged: Instant::now(),
+            trouble: None,
+        })
     }
 
     /// What the service said first that has it now.
@@ -91,8 +120,9 @@ impl LastingStream {
             if let Some(seq) = self.next_lost() {
                 return Ok(ServerMessage::Dropped { seq, reason: DropReason::Lost });
             }
-            match self.stream.receive().await {
+            match self.hear().await {
                 Ok(message) => {
+                    self.trouble = None;
                     // Else it was told twice, or of a frame that went out again.
                     if answered_seq(&message).is_none_or(|seq| self.is_answered(seq)) {
                         return Ok(message);
@@ -100,6 +130,22 @@ impl LastingStream {
                 }
                 Err(error) => self.go_on(error).await?,
             }
+        }
+    }
+
+    /// The next message of the service that has the stream now.
+    async fn hear(&mut self) -> Result<ServerMessage, ClientError> {
+        loop {
+            // By the clock, since the caller may stop waiting at any time, and wait again.
+            let quiet_until = self.stream.heard().max(self.pinged) + self.silence / N_PINGS;
+            if let Ok(heard) = timeout_at(quiet_until.into(), self.stream.receive()).await {
+                return heard;
+            }
+            if self.stream.heard().elapsed() > self.silence {
+                return Err(ClientError::Silent);
+            }
+            self.pinged = Instant::now();
+            self.stream.ping().await?;
         }
     }
 
@@ -119,10 +165,11 @@ impl LastingStream {
 
     /// Goes on with the stream after this error, if that passes.
     async fn go_on(&mut self, mut error: ClientError) -> Result<(), ClientError> {
-        let (began, mut longest) = (Instant::now(), FIRST_WAIT);
         while may_pass(&error) {
-            let wait = some_of(longest);
-            if began.elapsed() + wait > self.patience {
+            let trouble = self.trouble.get_or_insert_with(Trouble::begin);
+            let wait = some_of(trouble.longest_wait);
+            trouble.longest_wait = (trouble.longest_wait * 2).min(LONGEST_WAIT);
+            if trouble.began.elapsed() + wait > self.patience {
                 break;
             }
             sleep(wait).await;
@@ -134,7 +181,6 @@ impl LastingStream {
                 }
                 Err(again) => error = again,
             }
-            longest = (longest * 2).min(LONGEST_WAIT);
         }
         Err(error)
     }
@@ -149,10 +195,16 @@ impl LastingStream {
     }
 }
 
+impl Trouble {
+    fn begin() -> Self {
+        Self { began: Instant::now(), longest_wait: FIRST_WAIT }
+    }
+}
+
 /// Whether it is worth another try.
 fn may_pass(error: &ClientError) -> bool {
     match error {
-        ClientError::Broken(_) | ClientError::Late => true,
+        ClientError::Broken(_) | ClientError::Late | ClientError::Silent => true,
         ClientError::Closed { code, .. } => PASSING_CODES.contains(code),
         // A proxy whose services are gone, or a service that stops.
         ClientError::Foreign(status) => status.is_server_error(),
@@ -187,6 +239,7 @@ mod tests {
     use super::super::fake::{self, Connection};
     use super::*;
     use roomsight_protocol::stream::Mode;
+    use tokio::time::timeout;
 
     async fn lasting(url: &str, patience: Duration) -> LastingStream {
         let client = Client::new(url, Some("rs_k")).unwrap();
@@ -224,6 +277,34 @@ mod tests {
         assert_eq!(stream.receive().await.unwrap(), lost(2));
         assert_eq!(stream.send(b"image", None).await.unwrap(), 3);
         assert_eq!(stream.receive().await.unwrap(), fake::result(3, "lab"));
+    }
+
+    #[tokio::test]
+    async fn a_service_that_hangs_is_left_and_one_that_has_nothing_to_say_is_not() {
+        let url = fake::serve(|mut connection: Connection| async move {
+            if !connection.uri.contains("session=") {
+                // Not even pings are answered.
+                return sleep(Duration::from_secs(60)).await;
+            }
+            let (header, _) = connection.frame().await.unwrap();
+            // Meanwhile pings are.
+            let _ = timeout(Duration::from_millis(600), connection.frame()).await;
+            connection.say(&fake::result(header.unwrap().seq, "lab")).await;
+        });
+        let mut stream = lasting(&url.await, Duration::from_secs(20)).await;
+        stream.silence = Duration::from_millis(150);
+        assert_eq!(stream.send(b"image", None).await.unwrap(), 0);
+        // Who has other things to do between, as robots have, learns of it too.
+        let told = timeout(Duration::from_secs(10), async {
+            loop {
+                if let Ok(told) = timeout(Duration::from_millis(20), stream.receive()).await {
+                    return told.unwrap();
+                }
+            }
+        });
+        assert_eq!(told.await.unwrap(), lost(0));
+        assert_eq!(stream.send(b"image", None).await.unwrap(), 1);
+        assert_eq!(stream.receive().await.unwrap(), fake::result(1, "lab"));
     }
 
     #[tokio::test]

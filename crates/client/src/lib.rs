@@ -24,6 +24,8 @@ mod models;
 mod stream;
 mod tls;
 
+use lasting::SILENCE;
+
 pub use lasting::LastingStream;
 pub use stream::{ResumePoint, Stream, StreamReceiver, StreamSender};
 pub use tls::install_provider;
@@ -78,6 +80,9 @@ pub enum ClientError {
     /// The service did not open the stream in time.
     #[error("the stream was not opened within {} s", PATIENCE.as_secs())]
     Late,
+    /// Nothing came over a lasting stream, not even an answer to a ping.
+    #[error("nothing was heard over the stream for {} s", SILENCE.as_secs())]
+    Silent,
     /// The stream was closed by the service.
     #[error("the stream was closed with {code} {reason}")]
     Closed {

@@ -11,6 +11,7 @@ use roomsight_protocol::stream::{
 };
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
 use tokio::time::timeout;
 use tokio_tungstenite::tungstenite::client::IntoClientRequest;
 use tokio_tungstenite::tungstenite::http::HeaderValue;
@@ -51,6 +52,8 @@ pub struct StreamReceiver {
     session: String,
     last_seq: Option<u64>,
     resume: Option<String>,
+    /// When anything came, pings and their answers among it.
+    heard: Instant,
 }
 
 /// Where a stream can go on after its connection broke.
@@ -133,6 +136,16 @@ impl Stream {
         self.receiver.resume_point()
     }
 
+    /// When anything was heard.
+    pub(super) fn heard(&self) -> Instant {
+        self.receiver.heard
+    }
+
+    /// Asks for a sign of life.
+    pub(super) async fn ping(&mut self) -> Result<(), ClientError> {
+        self.sender.socket.send(Message::Ping(Vec::new().into())).await.map_err(broken)
+    }
+
     /// Halves for two tasks, so that frames go out while answers are awaited.
     pub fn split(self) -> (StreamSender, StreamReceiver) {
         (self.sender, self.receiver)
@@ -166,8 +179,14 @@ impl Stream {
         let (sink, socket) = socket.split();
         let next = NextSeq(Arc::default());
         let sender = StreamSender { socket: sink, next: next.clone() };
-        let mut receiver =
-            StreamReceiver { socket, next, session: String::new(), last_seq: None, resume: None };
+        let mut receiver = StreamReceiver {
+            socket,
+            next,
+            session: String::new(),
+            last_seq: None,
+            resume: None,
+            heard: Instant::now(),
+        };
         loop {
             if let ServerMessage::Hello(hello) = receiver.receive().await? {
                 receiver.session.clone_from(&hello.session);
@@ -227,7 +246,9 @@ impl StreamReceiver {
     /// A connection that was closed or broke.
     pub async fn receive(&mut self) -> Result<ServerMessage, ClientError> {
         loop {
-            match self.socket.next().await {
+            let came = self.socket.next().await;
+            self.heard = Instant::now();
+            match came {
                 Some(Ok(Message::Text(text))) => {
                     let message: ServerMessage = serde_json::from_str(&text)?;
                     self.last_seq = answered_seq(&message).or(self.last_seq);

@@ -47,16 +47,17 @@ pub struct Feed {
 }
 
 /// A frame whose time has come.
-struct Shot {
+pub struct Shot {
     frame_idx: usize,
     /// When it was due, counted from the start.
-    at: Duration,
-    image: Arc<[u8]>,
+    pub at: Duration,
+    /// As it is encoded.
+    pub image: Arc<[u8]>,
 }
 
 /// What an answer is held against.
 #[derive(Clone, Copy)]
-struct Sent {
+pub struct Sent {
     frame_idx: usize,
     at: Duration,
     is_followed: bool,
@@ -68,9 +69,10 @@ impl Drive {
         self.tally.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn send(&self, feed: &Feed, shot: &Shot) -> Sent {
+    /// Counts a frame that goes out.
+    pub fn send(&self, is_followed: bool, shot: &Shot) -> Sent {
         self.tally().sent(self.start.0.elapsed().saturating_sub(shot.at));
-        Sent { frame_idx: shot.frame_idx, at: shot.at, is_followed: feed.is_followed }
+        Sent { frame_idx: shot.frame_idx, at: shot.at, is_followed }
     }
 
     fn told(&self, sent: Sent, answer: &Answer, filtered: Option<&Filtered>, age_ms: Option<f64>) {
@@ -85,7 +87,7 @@ impl Drive {
     }
 
     /// The time at which a frame was due, in nanoseconds since 1970.
-    fn captured_at_ns(&self, at: Duration) -> Option<u64> {
+    pub fn captured_at_ns(&self, at: Duration) -> Option<u64> {
         let since_1970 = self.start.1.duration_since(SystemTime::UNIX_EPOCH).ok()? + at;
         since_1970.as_nanos().try_into().ok()
     }
@@ -93,7 +95,7 @@ impl Drive {
 
 impl Feed {
     /// Waits for the next frame's time; none at the end.
-    async fn next(&mut self, drive: &Drive) -> Option<Shot> {
+    pub async fn next(&mut self, drive: &Drive) -> Option<Shot> {
         loop {
             let ready = tokio::select! {
                 ready = self.ahead.recv() => ready?,
@@ -132,7 +134,7 @@ pub async fn stream(drive: Arc<Drive>, mut feed: Feed, stream: Stream) {
             && let Some(shot) = feed.next(&drive).await
         {
             let header = Header { seq, captured_at_ns: drive.captured_at_ns(shot.at) };
-            pending.add(seq, drive.send(&feed, &shot));
+            pending.add(seq, drive.send(feed.is_followed, &shot));
             match timeout(PATIENCE, sender.send_with(header, &shot.image)).await {
                 Ok(Ok(())) => seq += 1,
                 // The receiving half learns why.
@@ -166,7 +168,7 @@ pub async fn post(drive: Arc<Drive>, mut feed: Feed, client: Client, connections
     let mut calls = JoinSet::new();
     while let Some(shot) = feed.next(&drive).await {
         let Ok(connection) = connections.clone().acquire_owned().await else { break };
-        let sent = drive.send(&feed, &shot);
+        let sent = drive.send(feed.is_followed, &shot);
         let (robot, model) = (Some(feed.robot.clone()), feed.model.clone());
         let query = RecognizeQuery { robot, model, ..RecognizeQuery::default() };
         let (drive, client) = (drive.clone(), client.clone());
@@ -184,7 +186,7 @@ pub async fn post(drive: Arc<Drive>, mut feed: Feed, client: Client, connections
 
 /// The frames of a stream that wait for their answers.
 #[derive(Default)]
-struct Pending {
+pub struct Pending {
     frames: Mutex<BTreeMap<u64, Sent>>,
     taken: Notify,
 }
@@ -194,12 +196,13 @@ impl Pending {
         self.frames.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn add(&self, seq: u64, sent: Sent) {
+    /// A frame was sent.
+    pub fn add(&self, seq: u64, sent: Sent) {
         self.frames().insert(seq, sent);
     }
 
     /// Takes an answer, and sees that it is one: to a frame that was sent, in order, and the only one.
-    fn take(&self, drive: &Drive, message: ServerMessage) {
+    pub fn take(&self, drive: &Drive, message: ServerMessage) {
         let seq = match &message {
             ServerMessage::Result(result) => result.seq,
             ServerMessage::Dropped { seq, .. } | ServerMessage::Error { seq: Some(seq), .. } => *seq,
@@ -224,9 +227,14 @@ impl Pending {
         self.taken.notify_one();
     }
 
+    /// How many are left.
+    pub fn len(&self) -> usize {
+        self.frames().len()
+    }
+
     /// Waits until at most so many are left; false where answers cease to come before.
     async fn at_most(&self, n_frames: usize) -> bool {
-        while self.frames().len() > n_frames {
+        while self.len() > n_frames {
             if timeout(PATIENCE, self.taken.notified()).await.is_err() {
                 return false;
             }
@@ -236,7 +244,7 @@ impl Pending {
 }
 
 /// An error in a few words that are the same for all of its kind.
-fn kind(error: &ClientError) -> String {
+pub fn kind(error: &ClientError) -> String {
     match error {
         ClientError::Refused { problem, .. } => problem_name(problem),
         ClientError::Closed { code, .. } => format!("closed with {code}"),
@@ -245,9 +253,11 @@ fn kind(error: &ClientError) -> String {
         ClientError::Call(error) if error.is_connect() => "no connection".to_owned(),
         ClientError::Call(_) | ClientError::Broken(_) => "connection broke".to_owned(),
         ClientError::Message(_) => "unreadable message".to_owned(),
-        ClientError::Url { .. } | ClientError::Key | ClientError::Late | ClientError::Authorities(_) => {
-            error.to_string()
-        }
+        ClientError::Url { .. }
+        | ClientError::Key
+        | ClientError::Late
+        | ClientError::Silent
+        | ClientError::Authorities(_) => error.to_string(),
     }
 }
 

@@ -257,9 +257,9 @@ async fn while_services_are_killed_and_stopped_every_frame_has_one_ending_and_no
             let service = &mut services[turn % 2];
             let gone = address(service);
             if is_kill {
-                service.kill()
+                service.kill();
             } else {
-                drop(service.stop())
+                drop(service.stop());
             }
             *service = start();
             balancer.replace(&gone, &address(service));

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
+from functools import partial
 from ssl import SSLContext
 from typing import Any, Optional, Union
 from weakref import WeakSet
@@ -103,8 +104,8 @@ class AsyncClient(ModelCalls, RobotCalls, ServiceCalls, AsyncCaller, AsyncClosin
 
         ``patience_s`` is how long the service may be out of reach.
         """
-        stream = await self._begin(settings, None)
-        return AsyncLastingStream(self._begin, settings, patience_s, stream)
+        begin = partial(self._begin, silence_s=lasting.SILENCE_S)
+        return AsyncLastingStream(begin, settings, patience_s, await begin(settings, None))
 
     async def resume(self, point: ResumePoint) -> AsyncStream:
         """Goes on with a stream whose connection broke; ``hello.resumed`` tells whether it could."""
@@ -116,14 +117,18 @@ class AsyncClient(ModelCalls, RobotCalls, ServiceCalls, AsyncCaller, AsyncClosin
             await events.close()
         await self._http.aclose()
 
-    async def _begin(self, settings: dict[str, Any], point: Optional[ResumePoint]) -> AsyncStream:
-        stream = await self._open(messages.begin_query(settings, point), point)
+    async def _begin(
+        self, settings: dict[str, Any], point: Optional[ResumePoint], silence_s: Optional[float] = None
+    ) -> AsyncStream:
+        stream = await self._open(messages.begin_query(settings, point), point, silence_s)
         told = messages.not_in_address(settings)
         if told and not stream.hello.resumed:
             await stream.configure(**told)
         return stream
 
-    async def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> AsyncStream:
+    async def _open(
+        self, query: dict[str, Any], point: Optional[ResumePoint], silence_s: Optional[float] = None
+    ) -> AsyncStream:
         # What was opened is closed again where the stream does not begin as it should.
         async with AsyncExitStack() as opened:
             try:
@@ -137,7 +142,7 @@ class AsyncClient(ModelCalls, RobotCalls, ServiceCalls, AsyncCaller, AsyncClosin
                         open_timeout=PATIENCE_S,
                         # An answer to a ping waits behind our own frame on a slow link, or while the service holds
                         # us back, so that one that is late tells of no fault. The service asks by itself.
-                        ping_timeout=None,
+                        ping_timeout=silence_s,
                         ssl=self._ssl,
                     )
                 )

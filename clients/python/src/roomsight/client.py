@@ -6,6 +6,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, suppress
+from functools import partial
 from ssl import SSLContext
 from typing import Any, Optional, Union
 from weakref import WeakSet, finalize
@@ -105,7 +106,7 @@ class Client(ModelCalls, RobotCalls, ServiceCalls, Caller, Closing):
 
         ``patience_s`` is how long the service may be out of reach.
         """
-        return LastingStream(self._begin, settings, patience_s)
+        return LastingStream(partial(self._begin, silence_s=lasting.SILENCE_S), settings, patience_s)
 
     def resume(self, point: ResumePoint) -> Stream:
         """Goes on with a stream whose connection broke; ``hello.resumed`` tells whether it could."""
@@ -117,14 +118,18 @@ class Client(ModelCalls, RobotCalls, ServiceCalls, Caller, Closing):
             events.close()
         self._http.close()
 
-    def _begin(self, settings: dict[str, Any], point: Optional[ResumePoint]) -> Stream:
-        stream = self._open(messages.begin_query(settings, point), point)
+    def _begin(
+        self, settings: dict[str, Any], point: Optional[ResumePoint], silence_s: Optional[float] = None
+    ) -> Stream:
+        stream = self._open(messages.begin_query(settings, point), point, silence_s)
         told = messages.not_in_address(settings)
         if told and not stream.hello.resumed:
             stream.configure(**told)
         return stream
 
-    def _open(self, query: dict[str, Any], point: Optional[ResumePoint]) -> Stream:
+    def _open(
+        self, query: dict[str, Any], point: Optional[ResumePoint], silence_s: Optional[float] = None
+    ) -> Stream:
         # What was opened is closed again where the stream does not begin as it should.
         with ExitStack() as opened:
             try:
@@ -138,7 +143,7 @@ class Client(ModelCalls, RobotCalls, ServiceCalls, Caller, Closing):
                         open_timeout=PATIENCE_S,
                         # An answer to a ping waits behind our own frame on a slow link, or while the service holds
                         # us back, so that one that is late tells of no fault. The service asks by itself.
-                        ping_timeout=None,
+                        ping_timeout=silence_s,
                         ssl=self._ssl,
                     )
                 )

@@ -22,10 +22,12 @@ if TYPE_CHECKING:
 
 #: How long a service may be out of reach by default, in seconds.
 PATIENCE_S = 60.0
+#: A stream over which no answer to a ping comes for so long, in seconds, has broken: its service hangs, or the network is gone.
+SILENCE_S = 15.0
 #: The longest wait before the second try, and ever, in seconds; it doubles from try to try.
 _FIRST_WAIT_S, _LONGEST_WAIT_S = 0.1, 5.0
 #: Codes with which a stream is closed that may go on elsewhere, or later: the service stops, restarts, or is full.
-_PASSING_CODES = (None, 1001, 1006, 1011, 1012, 1013)
+_PASSING_CODES = (None, 1001, 1005, 1006, 1011, 1012, 1013)
 #: A service that has no room, or stops.
 _PASSING_STATUSES = (429, 503)
 
@@ -115,6 +117,8 @@ class LastingStream(Closing):
         self._endings = Endings(self._stream.hello)
         self._going_on = threading.Lock()
         self._is_closed = False
+        #: Since the last message that was no ``Hello``: a service may let streams begin and no more.
+        self._waits: Optional[Iterator[float]] = None
 
     @property
     def hello(self) -> Hello:
@@ -156,6 +160,7 @@ class LastingStream(Closing):
             except ConnectionLost as error:
                 self._go_on(stream, error)
                 continue
+            self._waits = None
             if self._endings.is_new(message):
                 return message
 
@@ -180,7 +185,8 @@ class LastingStream(Closing):
         with self._going_on:
             if self._stream is not broken:
                 return
-            for wait_s in waits(self._patience_s):
+            self._waits = self._waits or waits(self._patience_s)
+            for wait_s in self._waits:
                 if self._is_closed or not may_pass(error):
                     break
                 time.sleep(wait_s)
@@ -216,6 +222,8 @@ class AsyncLastingStream(AsyncClosing):
         self._endings = Endings(stream.hello)
         self._going_on = asyncio.Lock()
         self._is_closed = False
+        #: Since the last message that was no ``Hello``: a service may let streams begin and no more.
+        self._waits: Optional[Iterator[float]] = None
 
     @property
     def hello(self) -> Hello:
@@ -257,6 +265,7 @@ class AsyncLastingStream(AsyncClosing):
             except ConnectionLost as error:
                 await self._go_on(stream, error)
                 continue
+            self._waits = None
             if self._endings.is_new(message):
                 return message
 
@@ -281,7 +290,8 @@ class AsyncLastingStream(AsyncClosing):
         async with self._going_on:
             if self._stream is not broken:
                 return
-            for wait_s in waits(self._patience_s):
+            self._waits = self._waits or waits(self._patience_s)
+            for wait_s in self._waits:
                 if self._is_closed or not may_pass(error):
                     break
                 await asyncio.sleep(wait_s)
