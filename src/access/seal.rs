@@ -1,6 +1,5 @@
 //! What callers keep for the service: sealed, so that they can neither read nor change it, by keys that all replicas share.
 
-use crate::settings::Secret;
 use base64::Engine;
 use base64::prelude::BASE64_URL_SAFE_NO_PAD;
 use ring::aead::{AES_256_GCM, Aad, LessSafeKey, Nonce, UnboundKey};
@@ -17,7 +16,7 @@ const HEAD_BYTES: usize = 1 + SALT_BYTES + COUNT_BYTES;
 /// Seals what callers keep, and opens it again.
 pub struct Seals {
     own: Option<OwnKey>,
-    secrets: Vec<Secret>,
+    secrets: Vec<String>,
 }
 
 /// What this process seals with: a key that no other process has, so that a counter makes all nonces differ.
@@ -32,14 +31,14 @@ impl Seals {
     ///
     /// # Errors
     /// There are no random bytes.
-    pub fn new(secrets: &[Secret]) -> Result<Self, getrandom::Error> {
-        let own = |secret| {
+    pub fn new(secrets: &[&str]) -> Result<Self, getrandom::Error> {
+        let own = |secret: &&str| {
             let mut salt = [0; SALT_BYTES];
             getrandom::fill(&mut salt)?;
             Ok(derived(secret, &salt).map(|key| OwnKey { salt, key, n_sealed: AtomicU64::new(0) }))
         };
         let own = secrets.first().map(own).transpose()?.flatten();
-        Ok(Self { own, secrets: secrets.to_vec() })
+        Ok(Self { own, secrets: secrets.iter().map(|&secret| secret.to_owned()).collect() })
     }
 
     /// Whether anything is sealed.
@@ -70,8 +69,8 @@ impl Seals {
     }
 }
 
-fn derived(secret: &Secret, salt: &[u8]) -> Option<LessSafeKey> {
-    let key = blake3::derive_key(CONTEXT, &[salt, secret.reveal().as_bytes()].concat());
+fn derived(secret: &str, salt: &[u8]) -> Option<LessSafeKey> {
+    let key = blake3::derive_key(CONTEXT, &[salt, secret.as_bytes()].concat());
     UnboundKey::new(&AES_256_GCM, &key).ok().map(LessSafeKey::new)
 }
 
@@ -87,7 +86,7 @@ mod tests {
     use proptest::prelude::*;
 
     fn seals(secrets: &[&str]) -> Seals {
-        Seals::new(&secrets.iter().map(|&secret| secret.into()).collect::<Vec<_>>()).unwrap()
+        Seals::new(secrets).unwrap()
     }
 
     #[test]

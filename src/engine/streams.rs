@@ -13,6 +13,7 @@
 //! | `turn` | one of its frames on a thread |
 //! | `ledger` | its frames without an answer, told in order |
 //! | `teller` | what it says: answers, the filter's answers, changes of the model |
+//! | `belief` | what its frames say together, here and for another process |
 //! | `moment` | when a frame was taken, by the robot's clock or by ours |
 //! | `message` | messages as they are sent |
 //! | `kept` | what it has said, for a robot that comes back |
@@ -21,6 +22,7 @@
 //! A frame's way: `wire` → `inbox`: its share of memory → `session`: a number → `lane` → a thread takes the
 //! stream's first frame when its turn comes → `ledger` → `teller` → `socket`.
 
+mod belief;
 mod inbox;
 mod intake;
 mod kept;

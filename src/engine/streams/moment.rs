@@ -1,7 +1,6 @@
 //! When a frame was taken, by the robot's clock or by ours.
 
 use super::ledger::Accepted;
-use super::token::{now_ms, since};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -70,6 +69,16 @@ impl Moment {
         let age_ms = ((now - self.captured_at_ns? as f64) / 1e3).round() / 1e3;
         (age_ms.abs() <= MAX_LEAP.as_millis() as f64).then_some(age_ms)
     }
+}
+
+/// The time since 1970, in milliseconds.
+pub fn now_ms() -> u64 {
+    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis() as u64
+}
+
+/// How long ago that was; none where another's clock is ahead.
+pub fn since(at_ms: u64) -> Duration {
+    Duration::from_millis(now_ms().saturating_sub(at_ms))
 }
 
 #[cfg(test)]

@@ -1,11 +1,12 @@
 //! What a stream says of the frames that were recognized: the frame's own answer, the filter's, and that the
 //! model changed. And what it has said, for a robot that comes back.
 
+use super::belief::Belief;
 use super::kept::Kept;
 use super::ledger::Accepted;
 use super::message::text;
-use super::moment::{Elapsed, Moment, SealedMoment};
-use super::token::Standing;
+use super::moment::{Elapsed, Moment};
+use super::token::{Standing, Told, digest_of};
 use crate::engine::Engine;
 use crate::engine::answer::answer;
 use crate::engine::doubts::OtherRooms;
@@ -18,11 +19,9 @@ use crate::settings::Settings;
 use roomsight_protocol::event::AnswerEvent;
 use roomsight_protocol::rest::{ModelName, RecognizeQuery};
 use roomsight_protocol::stream::{
-    FilterChange, FilterSettings, Filtered, ModelChanged, Notice, NoticeKind, ServerMessage, StreamResult,
-    StreamSettings,
+    FilterChange, Filtered, ModelChanged, Notice, NoticeKind, ServerMessage, StreamResult, StreamSettings,
 };
 use roomsight_recognition::filter::{RoomFilter, Trust};
-use serde::{Deserialize, Serialize};
 use tokio_tungstenite::tungstenite::Utf8Bytes;
 
 /// What a stream says, and has said.
@@ -39,40 +38,6 @@ pub struct Teller {
     /// The frames' stamps were found to be doubtful, and that was told.
     doubts_stamps: bool,
     kept: Kept,
-}
-
-/// What a stream has told, for another process that goes on with it.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Told {
-    model: ModelName,
-    /// Tells the model's rooms from others.
-    rooms_digest: String,
-    belief: Option<SealedBelief>,
-    is_sure: bool,
-    doubts_stamps: bool,
-}
-
-impl Told {
-    /// Whether there is a filter that has taken in a frame.
-    pub fn believes(&self) -> bool {
-        self.belief.is_some()
-    }
-}
-
-/// A filter, and the frame it last took in.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct SealedBelief {
-    rooms: Vec<f32>,
-    elsewhere: Option<f32>,
-    settings: FilterSettings,
-    at: SealedMoment,
-}
-
-/// A filter, and the frame it last took in.
-struct Belief {
-    filter: RoomFilter,
-    settings: FilterSettings,
-    at: Moment,
 }
 
 /// A frame that the filter took in.
@@ -251,74 +216,5 @@ impl Teller {
         };
         self.filter = Some(belief);
         Some(Step { told, elapsed })
-    }
-}
-
-impl Belief {
-    fn sealed(&self) -> SealedBelief {
-        SealedBelief {
-            rooms: self.filter.belief().to_vec(),
-            elsewhere: self.filter.novelty(),
-            settings: self.settings,
-            at: self.at.sealed(),
-        }
-    }
-}
-
-impl SealedBelief {
-    /// None where it is not of so many rooms.
-    fn opened(self, n_rooms: usize) -> Option<Belief> {
-        let Self { rooms, elsewhere, settings, at } = self;
-        let trust = Trust::try_from(settings.trust).ok()?;
-        let filter = RoomFilter::restored(rooms, elsewhere, trust)?;
-        let is_of_rooms = filter.belief().len() == n_rooms;
-        is_of_rooms.then(|| Belief { filter, settings, at: Moment::opened(at) })
-    }
-}
-
-/// Tells these rooms from others.
-fn digest_of(rooms: &[String]) -> String {
-    let mut hasher = blake3::Hasher::new();
-    for room in rooms {
-        hasher.update(&(room.len() as u64).to_le_bytes()).update(room.as_bytes());
-    }
-    hasher.finalize().to_hex()[..16].to_owned()
-}
-
-#[cfg(test)]
-pub mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    /// Of a stream that has told a little.
-    pub fn told() -> Told {
-        let model = ModelName { name: "home".into(), version: 3, epoch: 7, digest: "ab".into() };
-        let rooms_digest = digest_of(&["hall".into(), "lab".into()]);
-        Told { model, rooms_digest, belief: None, is_sure: true, doubts_stamps: false }
-    }
-
-    proptest! {
-        #[test]
-        fn a_filter_goes_on_bit_for_bit(
-            weights in prop::collection::vec(0.001..1.0_f32, 1..40), elsewhere in prop::option::of(0.0..=1.0_f32),
-        ) {
-            let sum: f32 = weights.iter().sum();
-            let rooms: Vec<f32> = weights.iter().map(|weight| weight / sum).collect();
-            let filter = RoomFilter::restored(rooms.clone(), elsewhere, Trust::default()).unwrap();
-            let at = Moment::opened(serde_json::from_str(r#"{"captured_at_ns":9,"arrived_ms":1}"#).unwrap());
-            let sealed = Belief { filter: filter.clone(), settings: FilterSettings::default(), at }.sealed();
-            let back: SealedBelief = serde_json::from_slice(&serde_json::to_vec(&sealed).unwrap()).unwrap();
-            prop_assert_eq!(back.clone().opened(rooms.len()).unwrap().filter, filter);
-            prop_assert!(back.opened(rooms.len() + 1).is_none());
-        }
-    }
-
-    #[test]
-    fn rooms_are_told_apart() {
-        let digest =
-            |rooms: &[&str]| digest_of(&rooms.iter().map(|&room| room.to_owned()).collect::<Vec<_>>());
-        assert_eq!(digest(&["a", "b"]), digest(&["a", "b"]));
-        assert_ne!(digest(&["a", "b"]), digest(&["ab"]));
-        assert_ne!(digest(&["a", "b"]), digest(&["b", "a"]));
     }
 }

@@ -1,12 +1,14 @@
 //! How a stream stands, sealed for its robot to keep: any replica goes on from it, without a store that they share.
 
-use super::teller::Told;
+use super::belief::SealedBelief;
+use super::moment::since;
 use crate::access::{Key, Seals};
-use crate::settings::Settings;
+use crate::settings::{Secret, Settings};
 use roomsight_protocol::header::MAX_SEQ;
+use roomsight_protocol::rest::ModelName;
 use roomsight_protocol::stream::StreamSettings;
 use serde::{Deserialize, Serialize};
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 
 /// The most frames that are told as lost: many more than can have been accepted, fewer than a stranger may name.
 const MAX_LOST: u64 = 4096;
@@ -30,6 +32,17 @@ pub struct Standing {
     /// The frames that were accepted and not told of.
     pub untold: Vec<Run>,
     pub told: Told,
+}
+
+/// What a stream has told, for another process that goes on with it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Told {
+    pub model: ModelName,
+    /// Tells the model's rooms from others.
+    pub rooms_digest: String,
+    pub belief: Option<SealedBelief>,
+    pub is_sure: bool,
+    pub doubts_stamps: bool,
 }
 
 /// Numbers that follow one another.
@@ -59,7 +72,8 @@ impl Tokens {
     /// # Errors
     /// There are no random bytes.
     pub fn new(settings: &Settings) -> Result<Self, getrandom::Error> {
-        Ok(Self { seals: Seals::new(&settings.resume_keys)?, max_age: settings.resume_token() })
+        let secrets: Vec<&str> = settings.resume_keys.iter().map(Secret::reveal).collect();
+        Ok(Self { seals: Seals::new(&secrets)?, max_age: settings.resume_token() })
     }
 
     /// Whether there are any.
@@ -83,6 +97,13 @@ impl Tokens {
             serde_json::from_slice(&bytes).map_err(|error| TokenError::Unreadable(error.to_string()))?;
         let age = since(standing.at_ms);
         if age > self.max_age { Err(TokenError::Old(age)) } else { Ok(standing) }
+    }
+}
+
+impl Told {
+    /// Whether there is a filter that has taken in a frame.
+    pub fn believes(&self) -> bool {
+        self.belief.is_some()
     }
 }
 
@@ -112,14 +133,13 @@ pub fn runs(numbers: impl Iterator<Item = u64>) -> Vec<Run> {
     runs
 }
 
-/// The time since 1970, in milliseconds.
-pub fn now_ms() -> u64 {
-    SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default().as_millis() as u64
-}
-
-/// How long ago that was; none where another's clock is ahead.
-pub fn since(at_ms: u64) -> Duration {
-    Duration::from_millis(now_ms().saturating_sub(at_ms))
+/// Tells these rooms from others.
+pub fn digest_of(rooms: &[String]) -> String {
+    let mut hasher = blake3::Hasher::new();
+    for room in rooms {
+        hasher.update(&(room.len() as u64).to_le_bytes()).update(room.as_bytes());
+    }
+    hasher.finalize().to_hex()[..16].to_owned()
 }
 
 /// What a token is bound to: the key that opened its stream.
@@ -131,10 +151,17 @@ fn bound(key: Option<&Key>) -> Vec<u8> {
 mod tests {
     use super::*;
     use crate::access::Role;
-    use crate::engine::streams::teller::tests::told;
+    use crate::engine::streams::moment::now_ms;
     use roomsight_protocol::stream::Mode;
 
     const SECRET: &str = "0123456789abcdef0123456789abcdef";
+
+    /// Of a stream that has told a little.
+    fn told() -> Told {
+        let model = ModelName { name: "home".into(), version: 3, epoch: 7, digest: "ab".into() };
+        let rooms_digest = digest_of(&["hall".into(), "lab".into()]);
+        Told { model, rooms_digest, belief: None, is_sure: true, doubts_stamps: false }
+    }
 
     fn tokens(resume_token_ms: u64) -> Tokens {
         let resume_keys = vec![SECRET.into()];
@@ -184,5 +211,14 @@ mod tests {
             assert!(standing.lost(Some(last_seq), Some(sent_seq)).is_empty());
         }
         assert_eq!(standing.lost(None, Some(u64::MAX)).len() as u64, MAX_LOST);
+    }
+
+    #[test]
+    fn rooms_are_told_apart() {
+        let digest =
+            |rooms: &[&str]| digest_of(&rooms.iter().map(|&room| room.to_owned()).collect::<Vec<_>>());
+        assert_eq!(digest(&["a", "b"]), digest(&["a", "b"]));
+        assert_ne!(digest(&["a", "b"]), digest(&["ab"]));
+        assert_ne!(digest(&["a", "b"]), digest(&["b", "a"]));
     }
 }
