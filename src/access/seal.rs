@@ -41,8 +41,8 @@ impl Seals {
         Ok(Self { own, secrets: secrets.iter().map(|&secret| secret.to_owned()).collect() })
     }
 
-    /// Whether anything is sealed.
-    pub fn seal_something(&self) -> bool {
+    /// Whether there is what seals.
+    pub fn has_key(&self) -> bool {
         self.own.is_some()
     }
 

@@ -118,12 +118,23 @@ impl Session {
         settings: StreamSettings,
         record: Arc<RobotRecord>,
     ) -> Result<Self, Problem> {
-        let robot = settings.robot.as_deref();
-        let served = engine.registry.choose(Some(&settings.model), &Choice::Serving, robot)?;
+        let served =
+            engine.registry.choose(Some(&settings.model), &Choice::Serving, settings.robot.as_deref())?;
+        let teller = Teller::new(identity.stream.clone(), &served, &engine.settings);
+        Ok(Self::with(teller, engine, identity, settings, record))
+    }
+
+    fn with(
+        teller: Teller,
+        engine: Engine,
+        identity: Identity,
+        settings: StreamSettings,
+        record: Arc<RobotRecord>,
+    ) -> Self {
         let (newsroom, news) = mpsc::unbounded_channel();
         record.configured(settings.robot.as_deref(), settings.mode);
-        Ok(Self {
-            teller: Teller::new(identity.stream.clone(), &served, &engine.settings),
+        Self {
+            teller,
             identity,
             given_up: CancellationToken::new(),
             settings,
@@ -136,7 +147,7 @@ impl Session {
             newsroom,
             taken_over: None,
             engine,
-        })
+        }
     }
 
     /// What ends the stream in favor of another, while it has no connection.

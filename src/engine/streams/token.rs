@@ -78,7 +78,7 @@ impl Tokens {
 
     /// Whether there are any.
     pub fn are_told(&self) -> bool {
-        self.seals.seal_something()
+        self.seals.has_key()
     }
 
     /// A token of a stream that was opened with this key.

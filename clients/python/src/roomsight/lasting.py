@@ -91,9 +91,10 @@ class Endings:
     def go_on(self, hello: Hello) -> None:
         """Gives up the frames that the service does not know: of those before its next number it tells by itself."""
         first_unknown = hello.next_seq if hello.resumed else 0
-        while self._unanswered and self._unanswered[-1] >= first_unknown:
-            self._lost.appendleft(self._unanswered.pop())
-        self._lost = deque(sorted(self._lost))
+        lost = [seq for seq in self._unanswered if seq >= first_unknown]
+        for seq in lost:
+            self._unanswered.remove(seq)
+        self._lost.extend(lost)
         self._next_seq = max(self._next_seq, hello.next_seq)
 
 

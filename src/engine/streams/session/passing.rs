@@ -36,13 +36,11 @@ impl Session {
     ) -> Result<Self, Problem> {
         let lost = standing.lost(last_seq, sent_seq);
         let Standing { settings, next_seq, told, .. } = standing;
-        let mut session = Self::new(engine, identity, settings, record)?;
-        let robot = session.settings.robot.as_deref();
         let served =
-            session.engine.registry.choose(Some(&session.settings.model), &Choice::Serving, robot)?;
+            engine.registry.choose(Some(&settings.model), &Choice::Serving, settings.robot.as_deref())?;
         let had_filter = told.believes();
-        session.teller =
-            Teller::restored(session.identity.stream.clone(), &served, &session.engine.settings, told);
+        let teller = Teller::restored(identity.stream.clone(), &served, &engine.settings, told);
+        let mut session = Self::with(teller, engine, identity, settings, record);
         let is_kept = session.teller.believes() || !had_filter;
         session.taken_over = Some(if is_kept { FilterChange::Kept } else { FilterChange::Reset });
         let last = [last_seq, sent_seq].into_iter().flatten().max().map_or(0, |last| last.min(MAX_SEQ) + 1);
