@@ -152,7 +152,6 @@ mod tests {
     use super::*;
     use crate::access::Role;
     use crate::engine::streams::moment::now_ms;
-    use roomsight_protocol::stream::Mode;
 
     const SECRET: &str = "0123456789abcdef0123456789abcdef";
 
@@ -169,17 +168,8 @@ mod tests {
     }
 
     fn standing(untold: &[u64]) -> Standing {
-        let settings = StreamSettings {
-            robot: Some("wall-e".into()),
-            model: "home".into(),
-            mode: Mode::Lossless,
-            interval_ms: None,
-            sure_interval_ms: None,
-            filter: None,
-            deadline_ms: None,
-            top: None,
-            explain: false,
-        };
+        let settings = r#"{"robot": "wall-e", "model": "home", "mode": "lossless"}"#;
+        let settings = serde_json::from_str(settings).unwrap();
         let untold = runs(untold.iter().copied());
         Standing { at_ms: now_ms(), stream: "public".into(), settings, next_seq: 12, untold, told: told() }
     }

@@ -196,8 +196,10 @@ struct Endings {
     n_begun_anew: u64,
 }
 
+/// What each robot sends.
+const N_FRAMES: u64 = 60;
+
 async fn lasting_drive(url: String, idx: u32) -> Endings {
-    const N_FRAMES: u64 = 60;
     let mode = if idx.is_multiple_of(2) { Mode::Lossless } else { Mode::Latest };
     let configure =
         Configure { robot: Some(format!("robot-{idx}")), mode: Some(mode), ..Configure::default() };
@@ -257,6 +259,9 @@ async fn while_services_are_killed_and_stopped_every_frame_has_one_ending_and_no
             let service = &mut services[turn % 2];
             let gone = address(service);
             if is_kill {
+                // It hangs first, so that frames are under way to it for sure.
+                service.signal("STOP");
+                sleep(Duration::from_millis(60)).await;
                 service.kill();
             } else {
                 drop(service.stop());
@@ -270,10 +275,12 @@ async fn while_services_are_killed_and_stopped_every_frame_has_one_ending_and_no
     for robot in robots {
         let endings = timeout(2 * SOON, robot).await.unwrap().unwrap();
         all.n_results += endings.n_results;
+        all.n_superseded += endings.n_superseded;
         all.n_lost += endings.n_lost;
         all.n_begun_anew += endings.n_begun_anew;
     }
-    assert_eq!(all.n_begun_anew, 0, "{all:?}");
+    let n_told = all.n_results + all.n_superseded + all.n_lost;
+    assert_eq!((n_told, all.n_begun_anew), (u64::from(N_ROBOTS) * N_FRAMES, 0), "{all:?}");
     assert!(all.n_lost > 0, "the kills cost something: {all:?}");
     let mut n_taken_over = 0;
     for service in &services {

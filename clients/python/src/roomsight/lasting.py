@@ -8,7 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Iterator
-from typing import TYPE_CHECKING, Any, Callable, Optional, Union
+from typing import TYPE_CHECKING, Any, Callable, Generic, Optional, TypeVar, Union
 
 from . import calls
 from .calls import Frame
@@ -19,6 +19,8 @@ from .messages import Dropped, Error, Hello, Message, Result
 if TYPE_CHECKING:
     from .aio import AsyncStream
     from .client import Stream
+
+_Stream = TypeVar("_Stream", bound="Union[Stream, AsyncStream]")
 
 #: How long a service may be out of reach by default, in seconds.
 PATIENCE_S = 60.0
@@ -98,7 +100,34 @@ class Endings:
         self._next_seq = max(self._next_seq, hello.next_seq)
 
 
-class LastingStream(Closing):
+class _Lasting(Generic[_Stream]):
+    """What both kinds of lasting streams know of theirs."""
+
+    def __init__(self, stream: _Stream, settings: dict[str, Any], patience_s: float) -> None:
+        self._stream = stream
+        self._settings = settings
+        self._patience_s = patience_s
+        self._endings = Endings(stream.hello)
+        self._is_closed = False
+        #: Since the last message that was no ``Hello``: a service may let streams begin and no more.
+        self._waits: Optional[Iterator[float]] = None
+
+    @property
+    def hello(self) -> Hello:
+        """What the service said first that has the stream now."""
+        return self._stream.hello
+
+    def _tries(self) -> Iterator[float]:
+        """How long to wait before each further try, in seconds."""
+        self._waits = self._waits or waits(self._patience_s)
+        return self._waits
+
+    def _took_over(self, stream: _Stream) -> None:
+        self._stream = stream
+        self._endings.go_on(stream.hello)
+
+
+class LastingStream(_Lasting["Stream"], Closing):
     """A stream that goes on by itself. Every frame gets one answer, in the order sent: one whose service is gone is told as
     ``Dropped``, ``lost``. Made by ``Client.lasting_stream``.
 
@@ -111,20 +140,10 @@ class LastingStream(Closing):
         settings: dict[str, Any],
         patience_s: float,
     ) -> None:
+        settings = calls.given(settings)
+        super().__init__(begin(settings, None), settings, patience_s)
         self._begin = begin
-        self._settings = calls.given(settings)
-        self._patience_s = patience_s
-        self._stream = begin(self._settings, None)
-        self._endings = Endings(self._stream.hello)
         self._going_on = threading.Lock()
-        self._is_closed = False
-        #: Since the last message that was no ``Hello``: a service may let streams begin and no more.
-        self._waits: Optional[Iterator[float]] = None
-
-    @property
-    def hello(self) -> Hello:
-        """What the service said first that has the stream now."""
-        return self._stream.hello
 
     def send(self, frame: Frame, *, captured_at_ns: Optional[int] = None) -> int:
         """Sends an encoded image, and returns its number. ``captured_at_ns`` is as of ``time.time_ns()``."""
@@ -186,8 +205,7 @@ class LastingStream(Closing):
         with self._going_on:
             if self._stream is not broken:
                 return
-            self._waits = self._waits or waits(self._patience_s)
-            for wait_s in self._waits:
+            for wait_s in self._tries():
                 if self._is_closed or not may_pass(error):
                     break
                 time.sleep(wait_s)
@@ -196,14 +214,13 @@ class LastingStream(Closing):
                 except RoomsightError as again:
                     error = again
                     continue
-                self._stream = stream
-                self._endings.go_on(stream.hello)
+                self._took_over(stream)
                 broken.close()
                 return
             raise error
 
 
-class AsyncLastingStream(AsyncClosing):
+class AsyncLastingStream(_Lasting["AsyncStream"], AsyncClosing):
     """The same for programs with ``asyncio``. Made by ``AsyncClient.lasting_stream``.
 
     One task may send while another receives.
@@ -216,20 +233,9 @@ class AsyncLastingStream(AsyncClosing):
         patience_s: float,
         stream: AsyncStream,
     ) -> None:
+        super().__init__(stream, calls.given(settings), patience_s)
         self._begin = begin
-        self._settings = calls.given(settings)
-        self._patience_s = patience_s
-        self._stream = stream
-        self._endings = Endings(stream.hello)
         self._going_on = asyncio.Lock()
-        self._is_closed = False
-        #: Since the last message that was no ``Hello``: a service may let streams begin and no more.
-        self._waits: Optional[Iterator[float]] = None
-
-    @property
-    def hello(self) -> Hello:
-        """What the service said first that has the stream now."""
-        return self._stream.hello
 
     async def send(self, frame: Frame, *, captured_at_ns: Optional[int] = None) -> int:
         """Sends an encoded image, and returns its number. ``captured_at_ns`` is as of ``time.time_ns()``."""
@@ -291,8 +297,7 @@ class AsyncLastingStream(AsyncClosing):
         async with self._going_on:
             if self._stream is not broken:
                 return
-            self._waits = self._waits or waits(self._patience_s)
-            for wait_s in self._waits:
+            for wait_s in self._tries():
                 if self._is_closed or not may_pass(error):
                     break
                 await asyncio.sleep(wait_s)
@@ -301,8 +306,7 @@ class AsyncLastingStream(AsyncClosing):
                 except RoomsightError as again:
                     error = again
                     continue
-                self._stream = stream
-                self._endings.go_on(stream.hello)
+                self._took_over(stream)
                 await broken.close()
                 return
             raise error

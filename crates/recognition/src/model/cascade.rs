@@ -141,10 +141,9 @@ pub(crate) struct Chosen {
     pub(crate) answers: Option<EarlyAnswers>,
 }
 
-/// Chooses thresholds for the answers of each part of the opinions, in the order of being asked: those under which about most
-/// held-out frames are answered, of those under which these answers and the ones of parts before are shown to be as precise as
-/// wanted, and the answers of `all` opinions are not clearly better, where one frame in twenty shows a place that was never
-/// trained.
+/// Chooses thresholds for the answers of each part of the opinions, in the order of being asked: of those under which these
+/// answers and the ones of parts before are shown to be as precise as wanted, and the answers of `all` opinions are not clearly
+/// better, where one frame in twenty shows a place that was never trained, the most cautious that leave enough answers.
 pub(crate) fn choose(all: &Outcomes, parts: &[&Outcomes], precision: f64) -> Chosen {
     let by_part = |of: fn(&Outcomes) -> &BTreeMap<usize, Outcome>, number: &usize| {
         parts.iter().map(|part| of(part).get(number).copied()).collect()
@@ -183,7 +182,8 @@ pub(crate) fn choose(all: &Outcomes, parts: &[&Outcomes], precision: f64) -> Cho
     Chosen { sure, answers }
 }
 
-/// The thresholds of one part, after `before` was answered: those of the least novelty that cost few of the answers.
+/// The thresholds of one part, after `before` was answered: those of the least novelty that leave
+/// [`WORTH_CAUTION`] of the answers.
 fn choose_of(part_idx: usize, open: &[&Case], known: Known, before: Count, precision: f64) -> Option<Known> {
     let mut open: Vec<(&Case, Outcome)> =
         open.iter().filter_map(|case| Some((*case, case.by_part[part_idx]?))).collect();
