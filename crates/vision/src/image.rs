@@ -139,6 +139,15 @@ impl Image {
         })
     }
 
+    /// Takes red, green and blue of each pixel, row after row, and keeps them where `keeps_colors`; `None` when empty or when
+    /// there are not three numbers a pixel. Luma is that of an encoded frame of these pixels.
+    pub fn from_rgb(width: usize, height: usize, rgb: &[u8], keeps_colors: bool) -> Option<Self> {
+        let (pixels, rest) = rgb.as_chunks();
+        let luma = pixels.iter().map(|&rgb| luma_of(rgb)).collect();
+        let image = Self::from_pixels(width, height, luma).filter(|_| rest.is_empty())?;
+        if keeps_colors { image.with_colors(rgb.to_vec()) } else { Some(image) }
+    }
+
     /// The same with the colors of its pixels: red, green and blue of each, row after row. `None` when there are
     /// not three numbers a pixel.
     pub fn with_colors(self, colors: Vec<u8>) -> Option<Self> {

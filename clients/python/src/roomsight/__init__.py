@@ -10,8 +10,14 @@
             stream.send(frame)
             print(stream.receive())
 
-``AsyncClient`` has the same calls for ``asyncio``.
+``AsyncClient`` has the same calls for ``asyncio``. Without a service, where the whole distribution is installed:
+
+    from roomsight import Recognizer
+
+    print(Recognizer("models/home/1").recognize("frame.jpg").room)
 """
+
+from typing import TYPE_CHECKING, Any
 
 from .aio import AsyncClient, AsyncEvents, AsyncStream
 from .client import Client, Events, Stream
@@ -105,6 +111,25 @@ from .types import (
     Timings,
     Version,
 )
+
+if TYPE_CHECKING:
+    from .core import Follower as Follower
+    from .core import FrameError as FrameError
+    from .core import ModelError as ModelError
+    from .core import Recognition as Recognition
+    from .core import Recognizer as Recognizer
+
+# Loaded when one is first named, and not among `__all__`: a client alone does not have them.
+_OF_THE_CORE = {"Follower", "FrameError", "ModelError", "Recognition", "Recognizer"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _OF_THE_CORE:
+        from . import core
+
+        return getattr(core, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "AddedFrames",

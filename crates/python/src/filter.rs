@@ -1,0 +1,72 @@
+//! What the frames of one robot say together.
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use roomsight_recognition::filter::{RoomFilter, Trust};
+use roomsight_recognition::model::{Model, Recognition};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The belief about where a robot is, for frames of one model.
+#[pyclass(frozen, module = "roomsight._core")]
+pub struct Filter {
+    model: Arc<Model>,
+    filter: Mutex<RoomFilter>,
+}
+
+/// What a filter says, as `roomsight.Filtered` has it.
+#[derive(IntoPyObject)]
+pub struct Filtered {
+    room: String,
+    known: bool,
+    probability: f32,
+    probabilities: Vec<RoomProbability>,
+    novelty: Option<f32>,
+}
+
+/// A room and its probability, from 0 to 1.
+#[derive(IntoPyObject)]
+pub struct RoomProbability {
+    pub room: String,
+    pub probability: f32,
+}
+
+impl Filter {
+    /// One that has seen nothing.
+    ///
+    /// # Errors
+    /// `ValueError` where `trust` is none.
+    pub fn new(model: Arc<Model>, trust: Option<f32>) -> PyResult<Self> {
+        let trust = trust.map_or(Ok(Trust::default()), Trust::try_from);
+        let trust = trust.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let filter = Mutex::new(RoomFilter::new(model.rooms().len(), trust));
+        Ok(Self { model, filter })
+    }
+
+    /// Takes in a frame of the filter's model, `elapsed` seconds after the one before.
+    pub fn update(&self, recognition: &Recognition, elapsed: f64, top: Option<usize>) -> Filtered {
+        let mut filter = self.filter.lock().unwrap_or_else(PoisonError::into_inner);
+        filter.update(self.model.transitions(), elapsed, recognition.observation());
+        let (rooms, room_idx) = (self.model.rooms(), filter.room_idx());
+        Filtered {
+            room: rooms[room_idx].clone(),
+            known: self.model.knows(&filter),
+            probability: filter.belief()[room_idx],
+            probabilities: by_probability(rooms, filter.belief(), top),
+            novelty: filter.novelty(),
+        }
+    }
+
+    /// Whether its frames are those of this model.
+    pub fn is_of(&self, model: &Arc<Model>) -> bool {
+        Arc::ptr_eq(&self.model, model)
+    }
+}
+
+/// The `top` most probable rooms, or all, the most probable first.
+pub fn by_probability(rooms: &[String], probabilities: &[f32], top: Option<usize>) -> Vec<RoomProbability> {
+    let room = |(room, &probability): (&String, &f32)| RoomProbability { room: room.clone(), probability };
+    let mut sorted: Vec<RoomProbability> = rooms.iter().zip(probabilities).map(room).collect();
+    sorted.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    sorted.truncate(top.unwrap_or(usize::MAX));
+    sorted
+}
