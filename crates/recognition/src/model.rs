@@ -11,6 +11,7 @@ mod card;
 mod cascade;
 mod choose;
 mod config;
+mod described;
 mod effort;
 mod expected;
 mod extractor;
@@ -56,6 +57,7 @@ pub use choose::{
     Candidate, HeldOutAnswers, LeftOut, Preferred, all_opinions, answer_held_out, train_preferred,
 };
 pub use config::Config;
+pub use described::{FeaturesError, Looked, features_from_bytes, features_to_bytes};
 pub use effort::{Effort, Means};
 pub use expected::Expected;
 pub use extractor::{Extractor, Scratch};

@@ -13,7 +13,8 @@ mod jpeg;
 mod other;
 mod resize;
 
-use decode::{check_size, damaged, luma_of, oriented, unsupported};
+use crate::simd;
+use decode::{check_size, damaged, oriented, unsupported};
 pub use integral::Integral;
 
 /// What a decoder may be asked for by bytes of unknown origin.
@@ -143,7 +144,8 @@ impl Image {
     /// there are not three numbers a pixel. Luma is that of an encoded frame of these pixels.
     pub fn from_rgb(width: usize, height: usize, rgb: &[u8], keeps_colors: bool) -> Option<Self> {
         let (pixels, rest) = rgb.as_chunks();
-        let luma = pixels.iter().map(|&rgb| luma_of(rgb)).collect();
+        let mut luma = vec![0; pixels.len()];
+        simd::luma(pixels, &mut luma);
         let image = Self::from_pixels(width, height, luma).filter(|_| rest.is_empty())?;
         if keeps_colors { image.with_colors(rgb.to_vec()) } else { Some(image) }
     }

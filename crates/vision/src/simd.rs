@@ -22,6 +22,7 @@ mod dot;
 mod fast;
 mod hessian;
 mod histogram;
+mod luma;
 mod nearest;
 mod pattern;
 mod plane;
@@ -39,6 +40,7 @@ pub use hessian::{FilterRow, PEAK_BLOCK, hessian_row, mark_peaks};
 pub use histogram::{
     CellHistograms, CellRow, N_CELL_DIRECTIONS, N_CELLS, N_DIRECTIONS, count_directions, share_gradients,
 };
+pub use luma::{luma, luma_of};
 pub use nearest::{MeasuredRows, Nearness, UnitColumns, largest_products, nearest_columns};
 pub use pattern::{
     CODE_BLOCK, COUNT_BLOCK, GRID_BLOCK, Grid, Taps, count_codes, interpolate_grid, mark_brighter,

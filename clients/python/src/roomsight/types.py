@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import typing
 from dataclasses import dataclass, field
-from typing import Any, Optional, TypeVar
+from typing import Any, Callable, Optional, TypeVar
 
 from .errors import ProtocolError
 
@@ -269,23 +270,31 @@ def decode(kind: type[T], data: Any) -> T:
     """
     if not isinstance(data, dict):
         raise ProtocolError(f"{kind.__name__} is no object: {data!r}")
-    hints = typing.get_type_hints(kind)
-    members: Any = kind
-    names = {member.name: member.metadata.get(_JSON_NAME, member.name) for member in dataclasses.fields(members)}
-    known = {name: _value(hints[name], data[in_json]) for name, in_json in names.items() if in_json in data}
+    one: Any = kind
+    known = {name: read(data[in_json]) for name, in_json, read in _members(one) if in_json in data}
     try:
         return kind(**known)
     except TypeError as error:
         raise ProtocolError(f"{kind.__name__} cannot be read: {error}") from error
 
 
-def _value(hint: Any, value: Any) -> Any:
-    arguments = typing.get_args(hint)
-    if value is None:
-        return None
-    if typing.get_origin(hint) is typing.Union:
-        return _value(arguments[0], value)
-    if typing.get_origin(hint) is list:
-        return [_value(arguments[0], item) for item in value]
-    is_class = isinstance(hint, type) and dataclasses.is_dataclass(hint)
-    return decode(hint, value) if is_class else value
+@functools.lru_cache(maxsize=None)
+def _members(kind: Any) -> list[tuple[str, str, Callable[[Any], Any]]]:
+    """Of each field of a dataclass its name, its name in JSON, and what reads it: found once, since hints are text until then."""
+    hints = typing.get_type_hints(kind)
+    fields = dataclasses.fields(kind)
+    return [(field.name, field.metadata.get(_JSON_NAME, field.name), _reader(hints[field.name])) for field in fields]
+
+
+def _reader(hint: Any) -> Callable[[Any], Any]:
+    """What reads a value of this hint."""
+    arguments, origin = typing.get_args(hint), typing.get_origin(hint)
+    if origin is typing.Union:
+        read = _reader(arguments[0])
+        return lambda value: None if value is None else read(value)
+    if origin is list:
+        read_item = _reader(arguments[0])
+        return lambda value: None if value is None else [read_item(item) for item in value]
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        return lambda value: None if value is None else decode(hint, value)
+    return lambda value: value

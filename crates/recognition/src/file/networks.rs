@@ -56,6 +56,13 @@ pub struct CarriedNetwork {
     opened: OnceLock<Network>,
 }
 
+impl CarriedNetwork {
+    /// What tells it from others: the digests of its files.
+    pub(crate) fn key(&self) -> String {
+        format!("{} {}", self.digests.onnx, self.digests.toml)
+    }
+}
+
 impl PartialEq for CarriedNetwork {
     fn eq(&self, other: &Self) -> bool {
         self.digests == other.digests

@@ -76,6 +76,14 @@ impl Sight {
         }
     }
 
+    /// Whether it sees places in a frame, each described; else the frame as a whole.
+    pub(crate) fn sees_places(&self) -> bool {
+        match self {
+            Self::Keypoints { .. } | Self::Grid { .. } | Self::XFeat { .. } => true,
+            Self::Patterns(_) | Self::Vector(_) => false,
+        }
+    }
+
     /// Whether it looks at colors, where a frame has any.
     pub(crate) fn wants_colors(&self) -> bool {
         match self {

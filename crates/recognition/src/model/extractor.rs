@@ -120,6 +120,11 @@ impl Extractor {
         &self.0.camera
     }
 
+    /// The ways in which it looks.
+    pub(crate) fn sights(&self) -> &Arc<Vec<Sight>> {
+        &self.0.sights
+    }
+
     /// Whether a sight looks at colors.
     pub fn wants_colors(&self) -> bool {
         self.0.sights.iter().any(Sight::wants_colors)

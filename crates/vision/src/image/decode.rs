@@ -34,11 +34,6 @@ fn decode_jpeg(bytes: &[u8], limits: &Limits, with_colors: bool) -> Result<Image
     oriented(image, picture.orientation.unwrap_or(Orientation::NoTransforms))
 }
 
-/// Rec. 601 luma in 16-bit fixed point, rounded.
-pub(super) fn luma_of([red, green, blue]: [u8; 3]) -> u8 {
-    ((19_595 * u32::from(red) + 38_470 * u32::from(green) + 7_471 * u32::from(blue) + 32_768) >> 16) as u8
-}
-
 /// Checks what a frame will take before anything is allocated for it.
 pub(super) fn check_size(width: u64, height: u64, memory: u64, limits: &Limits) -> Result<(), ImageError> {
     let too_large = |detail: String| Err(ImageError::TooLarge(detail));

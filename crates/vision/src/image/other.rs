@@ -1,7 +1,8 @@
 //! PNG, WebP, BMP and PNM to luma and colors.
 
 use super::format::Format;
-use super::{Image, ImageError, Limits, check_size, containers, damaged, luma_of, oriented, unsupported};
+use super::{Image, ImageError, Limits, check_size, containers, damaged, oriented, unsupported};
+use crate::simd::{self, luma_of};
 use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, ImageFormat, ImageReader};
 use std::borrow::Cow;
@@ -102,7 +103,12 @@ fn luma(samples: Vec<u8>, color_type: ColorType) -> Option<Vec<u8>> {
     Some(match color_type {
         ColorType::L8 => samples,
         ColorType::La8 => samples.as_chunks::<2>().0.iter().map(|&[luma, _]| luma).collect(),
-        ColorType::Rgb8 => samples.as_chunks().0.iter().map(|&rgb| luma_of(rgb)).collect(),
+        ColorType::Rgb8 => {
+            let pixels = samples.as_chunks().0;
+            let mut luma = vec![0; pixels.len()];
+            simd::luma(pixels, &mut luma);
+            luma
+        }
         ColorType::Rgba8 => samples.as_chunks().0.iter().map(|&[r, g, b, _]| luma_of([r, g, b])).collect(),
         ColorType::L16 => scaled(samples.as_chunks().0.iter().map(|&luma| u16::from_ne_bytes(luma))),
         ColorType::La16 => scaled(

@@ -1,8 +1,8 @@
 //! Planes of samples to the luma and the colors of the frame.
 
-use super::super::luma_of;
 use super::frame::{Component, Frame};
 use super::{Colors, ImageError, unsupported};
+use crate::simd::luma_of;
 
 /// A plane cut to the pixels of the frame.
 struct Plane {

@@ -1,4 +1,5 @@
-use super::super::{Image, ImageError, Limits, luma_of};
+use super::super::{Image, ImageError, Limits};
+use crate::simd::luma_of;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, GrayImage, ImageEncoder, Luma};
 use proptest::prelude::*;
