@@ -9,7 +9,7 @@ FEATURES := --all-features
 BUILD_FOR_TESTS := cargo build --workspace --lib --bins --tests $(FEATURES)
 
 # What is fuzzed, and for how long each.
-TARGETS ?= archive lists model networks oip pictures service settings stream
+TARGETS ?= archive described lists model networks oip pictures service settings stream
 MINUTES ?= 1
 # Temporary files in memory where the system has such a place.
 FUZZ_TMP := $(firstword $(wildcard /dev/shm) /tmp)

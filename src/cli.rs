@@ -8,6 +8,7 @@ mod contact_sheet;
 mod data;
 mod data_directory;
 mod demo;
+mod describe;
 mod evaluate;
 mod experiment;
 mod forget;
@@ -62,6 +63,7 @@ struct Cli {
 enum Command {
     Demo(demo::DemoArgs),
     Check(check::CheckArgs),
+    Describe(describe::DescribeArgs),
     Train(train::TrainArgs),
     Forget(forget::ForgetArgs),
     Evaluate(evaluate::EvaluateArgs),
@@ -120,6 +122,7 @@ fn run(command: Command) -> anyhow::Result<()> {
     match command {
         Command::Demo(args) => demo::run(&args),
         Command::Check(args) => check::run(&args),
+        Command::Describe(args) => describe::run(&args),
         Command::Train(args) => train::run(&args),
         Command::Forget(args) => forget::run(&args),
         Command::Evaluate(args) => evaluate::run(&args),

@@ -17,7 +17,10 @@ use roomsight_protocol::oip::{IndexRequest, LoadRequest};
 use roomsight_protocol::rest::FrameJson;
 use roomsight_protocol::stream::{ClientMessage, StreamQuery};
 use roomsight_recognition::filter::{Observation, RoomFilter, Step, Transitions, Trust};
-use roomsight_recognition::model::{self, Config, Model, NetworkStore, Scratch, try_model};
+use roomsight_recognition::model::{
+    self, Config, Extractor, Model, NetworkStore, OpinionConfig, PatternsConfig, Scratch,
+    features_from_bytes, features_to_bytes, try_model,
+};
 use roomsight_vision::camera::{Camera, Projection};
 use roomsight_vision::image::{Image, Limits};
 use roomsight_vision::network::{Description, Network, NetworkError};
@@ -80,6 +83,30 @@ fn check_answer(model: &Model) {
     assert_eq!(answer.probabilities.len(), model.rooms().len());
     assert!(answer.probabilities.iter().all(|share| (0.0..=1.0).contains(share)), "{answer:?}");
     assert!((answer.probabilities.iter().sum::<f32>() - 1.0).abs() < 1e-3, "{answer:?}");
+}
+
+/// Described frames, as what was seen and as the list of a part. What is read is written as it was read; a part that is read names frames.
+pub fn described(bytes: &[u8]) {
+    let extractor = described_by();
+    if let Ok(features) = features_from_bytes(bytes, &extractor) {
+        let written = features_to_bytes(&features.iter().collect::<Vec<_>>(), &extractor);
+        let again = features_from_bytes(&written.expect("they can be written"), &extractor);
+        assert_eq!(again.expect("they can be read"), features);
+    }
+    let folder = TempDir::new().expect("a temporary folder");
+    fs::write(folder.path().join("part-1-of-1.frames.json"), bytes).expect("room for a small file");
+    if let Ok(parts) = dataset::open(folder.path()) {
+        let described = parts.describe(&extractor, &limits(), || ());
+        assert!(described.samples.is_empty(), "what was seen of them is not there");
+    }
+}
+
+/// How the frames of [`described`] were looked at.
+pub fn described_by() -> Extractor {
+    let patterns = OpinionConfig::Patterns(PatternsConfig::default());
+    let mut config = Config { longest_side: 96, ..Config::default() };
+    config.opinions.insert("patterns".to_owned(), patterns);
+    Extractor::new(&config, Camera::new(Projection::Perspective))
 }
 
 /// The upload of a version: as it is, and as a tar whose checksums and end are right. Nothing is written beside
@@ -266,7 +293,7 @@ pub fn settings(bytes: &[u8]) {
     {
         let written = toml::to_string(&config).expect("a configuration can be written");
         assert_eq!(toml::from_str::<Config>(&written).expect("and read"), config);
-        let _extractor = model::Extractor::new(&config, Camera::new(Projection::Perspective));
+        let _extractor = Extractor::new(&config, Camera::new(Projection::Perspective));
     }
     if let Ok(settings) = toml::from_str::<Settings>(&text) {
         settings.to_toml().expect("settings can be written");

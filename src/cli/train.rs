@@ -182,6 +182,11 @@ pub(super) fn run(args: &TrainArgs) -> anyhow::Result<()> {
     } else {
         golden::frames(&model, dataset, described, &args.limits.limits())
     };
+    if golden.is_empty() && !args.no_golden_frames {
+        note!(
+            "note: no frame is kept with the model, by which others check it: the pictures are not at hand"
+        );
+    }
     let (folder, published) = destination.take(&model, &golden)?;
     let not_held_out = NotHeldOut::of(held_out, &described.samples, args.add.is_some());
 

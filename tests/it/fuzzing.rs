@@ -8,6 +8,7 @@ mod targets;
 use image::{DynamicImage, ImageFormat, Luma, Rgb};
 use rand::{Rng, SeedableRng};
 use roomsight::repository::package;
+use roomsight_lab::dataset::{self, Part};
 use roomsight_recognition::classify::{boost, svm};
 use roomsight_recognition::model::{
     CarriedNetwork, Classifier, Config, Extractor, GoldenFrame, Model, Networks, PatternsConfig,
@@ -15,12 +16,13 @@ use roomsight_recognition::model::{
 };
 use roomsight_recognition::vocabulary;
 use roomsight_vision::camera::{Camera, Projection};
-use roomsight_vision::image::Image;
+use roomsight_vision::image::{Image, Limits};
 use roomsight_vision::network::Network;
 use std::fs;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use tempfile::TempDir;
 
 struct Target {
     name: &'static str,
@@ -28,9 +30,10 @@ struct Target {
     seeds: Vec<Vec<u8>>,
 }
 
-fn all_targets() -> [Target; 9] {
+fn all_targets() -> [Target; 10] {
     [
         Target { name: "archive", run: targets::archive, seeds: archives() },
+        Target { name: "described", run: targets::described, seeds: described() },
         Target { name: "lists", run: targets::lists, seeds: lists() },
         Target { name: "model", run: targets::model, seeds: models() },
         Target { name: "networks", run: targets::networks, seeds: networks() },
@@ -40,6 +43,21 @@ fn all_targets() -> [Target; 9] {
         Target { name: "settings", run: targets::settings, seeds: settings() },
         Target { name: "stream", run: targets::stream, seeds: stream() },
     ]
+}
+
+/// What was seen of small frames, and the list of a part of them.
+fn described() -> Vec<Vec<u8>> {
+    let folder = TempDir::new().unwrap();
+    let (pictures, parts) = (folder.path().join("rooms"), folder.path().join("parts"));
+    for (idx, room) in ["hall", "lab"].into_iter().enumerate() {
+        fs::create_dir_all(pictures.join(room)).unwrap();
+        let picture = image::GrayImage::from_fn(48, 36, |x, y| Luma([(x * y * (idx as u32 + 2)) as u8]));
+        picture.save(pictures.join(room).join("1.png")).unwrap();
+    }
+    let (dataset, extractor) = (dataset::open(&pictures).unwrap(), targets::described_by());
+    let described = dataset.describe(&extractor, &Limits::default(), || ());
+    dataset.write_part(Part::WHOLE, &described, &extractor, &parts).unwrap();
+    fs::read_dir(&parts).unwrap().map(|entry| fs::read(entry.unwrap().path()).unwrap()).collect()
 }
 
 fn golden(folder: &str) -> Vec<Vec<u8>> {

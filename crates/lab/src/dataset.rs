@@ -6,6 +6,8 @@
 //! | [`Format::Manifest`] | `frames.csv` with the columns `file,place,sequence,camera,split` |
 //! | [`Format::Cold`] | COLD sequences: `seq3_cloudy1/{std_cam,omni_cam,localization/places.lst}` |
 //!
+//! A folder of described parts ([`Shard`]) stands for the pictures that were described, and has their format.
+//!
 //! What cannot be used is never skipped in silence: it is a [`Problem`] beside the frames, or, where
 //! nothing sensible can be made of the whole, a [`DatasetError`]. One name is one room: names are compared as
 //! [`Dataset::check`] says.
@@ -20,6 +22,7 @@ mod glob;
 mod look;
 mod manifest;
 pub mod names;
+mod shard;
 #[cfg(test)]
 mod tests;
 mod tree;
@@ -27,16 +30,19 @@ mod tree;
 pub use describe::{Copied, Described};
 pub use error::{DatasetError, Problem, ProblemKind, by_kind};
 pub use look::{Look, near_pairs};
+pub use shard::{Part, PartError, Shard, ShardError};
 pub use tree::Tree;
 
 use roomsight_recognition::model::ELSEWHERE;
 pub use roomsight_recognition::model::Pose;
 use roomsight_vision::camera::CameraKind;
 use roomsight_vision::image::{Image, ImageError, Limits};
+use serde::{Deserialize, Serialize};
 use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 /// One labeled frame on disk.
 #[derive(Clone, Debug, PartialEq)]
@@ -81,7 +87,8 @@ impl Frame {
 }
 
 /// How a data set lies on disk.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Format {
     /// A folder a room; says nothing of cameras and splits.
     Folder,
@@ -106,6 +113,8 @@ pub struct Dataset {
     pub notes: Vec<Problem>,
     /// How many frames were listed with an empty place.
     pub n_unlabeled: usize,
+    /// What was seen of the frames before, where it was.
+    pub(crate) shards: Vec<Arc<Shard>>,
 }
 
 /// Opens a data set, telling its format by what lies at `path`. No image is decoded.
@@ -126,6 +135,10 @@ pub fn open_for(path: &Path, rooms: &[String]) -> Result<Dataset, DatasetError> 
 fn in_folder(path: &Path, rooms: &[String]) -> Result<Dataset, DatasetError> {
     if let Some(list) = manifest::find(path).map_err(|error| DatasetError::io(path, error))? {
         return manifest::read(&list);
+    }
+    let parts = shard::find(path).map_err(|error| DatasetError::io(path, error))?;
+    if !parts.is_empty() {
+        return shard::read(path, &parts);
     }
     let tree = Tree::read(path)?;
     let sequences = cold::find_sequences(&tree);
@@ -148,7 +161,7 @@ fn wrapped_manifest(tree: &Tree) -> Option<&PathBuf> {
 impl Dataset {
     fn new(root: &Path, format: Format) -> Self {
         let (frames, problems, notes) = (Vec::new(), Vec::new(), Vec::new());
-        Self { root: root.to_owned(), format, frames, problems, notes, n_unlabeled: 0 }
+        Self { root: root.to_owned(), format, frames, problems, notes, n_unlabeled: 0, shards: Vec::new() }
     }
 
     fn report(&mut self, path: &Path, reason: impl Into<String>) {

@@ -96,6 +96,9 @@ const USUAL_SIDE: usize = 640;
 
 /// Of the first of the frames that can be read, which stands for all.
 fn longest_side(dataset: &Dataset) -> usize {
+    if let Some([width, height]) = dataset.described_size() {
+        return width.max(height);
+    }
     let frames = dataset.frames.iter().take(MOST_TRIED);
     let mut frames = frames.filter_map(|frame| frame.read(&Limits::default()).ok());
     frames.next().map_or(USUAL_SIDE, |image| image.width().max(image.height()))
@@ -227,8 +230,12 @@ impl ConfigArgs {
         }
     }
 
-    /// The camera of checked frames; the mirror of an omnidirectional one is found in them.
+    /// The camera of checked frames; the mirror of an omnidirectional one is found in them, unless they were described with it.
     pub(in crate::cli) fn camera(&self, dataset: &Dataset, limits: &Limits) -> anyhow::Result<Camera> {
+        let mask = self.mask.as_ref().map(|path| read_image(path, limits).map(Mask::new)).transpose()?;
+        if let Some(projection) = dataset.described_projection() {
+            return Ok(Camera { projection: *projection, mask });
+        }
         let kind = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
         let projection = match kind {
             CameraKind::Perspective => Projection::Perspective,
@@ -240,7 +247,6 @@ impl ConfigArgs {
                 Projection::Omnidirectional(mirror)
             }
         };
-        let mask = self.mask.as_ref().map(|path| read_image(path, limits).map(Mask::new)).transpose()?;
         Ok(Camera { projection, mask })
     }
 }

@@ -16,6 +16,47 @@ fn train_prints_held_out_rates_and_what_to_try_next() {
 }
 
 #[test]
+fn described_parts_train_the_same_model() {
+    let folder = TempDir::new().unwrap();
+    let (parts, model) = (path(&folder, "parts"), path(&folder, "model"));
+    for part in ["2/2", "1/2"] {
+        let written =
+            json(&[&["describe", &LAB.data(), "-o", &parts, "--part", part, "--json"], &QUICK[..]].concat());
+        assert_eq!((&written["n_frames"], &written["was_there"]), (&18.into(), &false.into()), "{written}");
+    }
+    let again = done(&[&["describe", &LAB.data(), "-o", &parts, "--part", "1/2"], &QUICK[..]].concat());
+    assert!(again.contains("Part 1/2 is there already: 18 frames"), "{again}");
+    done(&[&["train", &parts, "-o", &model], &QUICK[..]].concat());
+    let file = |folder: &str, name: &str| fs::read(Path::new(folder).join(name)).unwrap();
+    for name in ["model.safetensors", "model.json", "golden/golden.json"] {
+        assert!(file(&model, name) == file(&LAB.model(), name), "{name}");
+    }
+    let rates = |data: &str| json(&["evaluate", &model, data, "--json"])["evaluation"].clone();
+    assert_eq!(rates(&parts), rates(&LAB.data()));
+    let split = |data: &str| done(&[&["validate", data, "--folds", "3"], &QUICK[..]].concat());
+    assert_eq!(split(&parts), split(&LAB.data()));
+    let error =
+        refused(FAILED, &["train", &parts, "-o", &path(&folder, "other"), "--set", "longest_side=80"]);
+    assert!(error.contains("described in another way (at another working size)"), "{error}");
+    let error = refused(FAILED, &["describe", &parts, "-o", &path(&folder, "again")]);
+    assert!(error.contains("is described already"), "{error}");
+    let error =
+        refused(FAILED, &[&["describe", &LAB.data(), "-o", &parts, "--part", "1/50"], &QUICK[..]].concat());
+    assert!(error.contains("part 1/50 of 36 frames is empty"), "{error}");
+    let error = refused(WRONG_USAGE, &["describe", &LAB.data(), "-o", &parts, "--part", "3/2"]);
+    assert!(error.contains("a part is NUMBER/OF"), "{error}");
+}
+
+#[test]
+fn described_like_a_model_they_measure_it() {
+    let folder = TempDir::new().unwrap();
+    let parts = path(&folder, "parts");
+    done(&["describe", &LAB.data(), "-o", &parts, "--like", &LAB.model()]);
+    let rates = |data: &str| json(&["evaluate", &LAB.model(), data, "--json"])["evaluation"].clone();
+    assert_eq!(rates(&parts), rates(&LAB.data()));
+}
+
+#[test]
 fn a_model_is_never_overwritten() {
     let file = Path::new(&LAB.model()).join("model.safetensors");
     let before = fs::read(&file).unwrap();

@@ -19,7 +19,7 @@ pub struct Described {
     /// Which frame each sample is.
     pub frame_idxs: Vec<usize>,
     /// What tells the bytes of each sample's picture from others.
-    digests: Vec<blake3::Hash>,
+    pub(super) digests: Vec<blake3::Hash>,
     /// What each sample's picture looks like.
     pub looks: Vec<Look>,
     /// The frames that could not be read.
@@ -29,11 +29,11 @@ pub struct Described {
 }
 
 /// What is kept of a frame that was read.
-struct Read {
-    sample: Sample,
-    digest: blake3::Hash,
-    look: Look,
-    is_damaged: bool,
+pub(super) struct Read {
+    pub sample: Sample,
+    pub digest: blake3::Hash,
+    pub look: Look,
+    pub is_damaged: bool,
 }
 
 /// A sample whose picture has the same bytes as another's.
@@ -48,23 +48,33 @@ pub struct Copied {
 }
 
 impl Dataset {
-    /// Describes all frames in parallel, in a fixed order. `on_frame` is called after each.
+    /// Describes all frames in parallel, in a fixed order; what was seen before is not looked at again. `on_frame` is called after each.
     pub fn describe(&self, extractor: &Extractor, limits: &Limits, on_frame: impl Fn() + Sync) -> Described {
-        let describe = |scratch: &mut Scratch, frame: &super::Frame| {
-            let described = frame.read_encoded(limits).and_then(|bytes| {
-                let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
-                let features = extractor.extract(&image, scratch);
-                let (room, sequence) = (frame.room.clone(), frame.sequence.clone());
-                let (digest, look) = (blake3::hash(&bytes), Look::of(&image));
-                let (name, pose) = (self.name_of(&frame.path), frame.pose);
-                let sample = Sample { room, sequence, name, pose, picture: Some(short(&digest)), features };
-                Ok(Read { sample, digest, look, is_damaged: image.damaged_rows() > 0 })
-            });
-            on_frame();
-            described
-        };
-        let results: Vec<Result<_, Problem>> =
-            self.frames.par_iter().map_init(Scratch::default, describe).collect();
+        let describe =
+            |scratch: &mut Scratch, (frame, before): (&super::Frame, Option<Result<Read, Problem>>)| {
+                if let Some(before) = before {
+                    on_frame();
+                    return before;
+                }
+                let described = frame.read_encoded(limits).and_then(|bytes| {
+                    let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
+                    let features = extractor.extract(&image, scratch);
+                    let (room, sequence) = (frame.room.clone(), frame.sequence.clone());
+                    let (digest, look) = (blake3::hash(&bytes), Look::of(&image));
+                    let (name, pose) = (self.name_of(&frame.path), frame.pose);
+                    let sample =
+                        Sample { room, sequence, name, pose, picture: Some(short(&digest)), features };
+                    Ok(Read { sample, digest, look, is_damaged: image.damaged_rows() > 0 })
+                });
+                on_frame();
+                described
+            };
+        let results: Vec<Result<_, Problem>> = self
+            .frames
+            .par_iter()
+            .zip(self.seen_before(extractor))
+            .map_init(Scratch::default, describe)
+            .collect();
         let mut described = Described::default();
         for (frame_idx, result) in results.into_iter().enumerate() {
             match result {
@@ -189,7 +199,7 @@ impl Described {
 }
 
 /// The first bytes of a digest.
-fn short(digest: &blake3::Hash) -> u64 {
+pub(super) fn short(digest: &blake3::Hash) -> u64 {
     digest.as_bytes().first_chunk().map_or(0, |first| u64::from_le_bytes(*first))
 }
 

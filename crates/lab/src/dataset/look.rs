@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 use roomsight_vision::image::Image;
+use serde::{Deserialize, Serialize};
 
 /// Cells of a thumbnail in a row, and rows.
 const CELLS: [usize; 2] = [32, 24];
@@ -23,7 +24,8 @@ const NEAR: f32 = 1.5;
 const SHARPNESS_WIDTH: usize = 320;
 
 /// What a picture looks like.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Look {
     /// In pixels.
     pub width: usize,
@@ -32,7 +34,38 @@ pub struct Look {
     /// How much neighboring pixels differ from their mean, as a share of the contrast of the whole picture.
     pub sharpness: f32,
     /// Brightness by parts of the picture, without its mean and at one contrast; none where there is no contrast.
+    #[serde(default, skip_serializing_if = "Option::is_none", with = "thumbnail_text")]
     thumbnail: Option<[i8; N_CELLS]>,
+}
+
+/// A thumbnail as text: two hexadecimal digits a cell.
+mod thumbnail_text {
+    use super::N_CELLS;
+    use serde::de::Error;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(
+        thumbnail: &Option<[i8; N_CELLS]>,
+        serializer: S,
+    ) -> Result<S::Ok, S::Error> {
+        let text = |cells: &[i8; N_CELLS]| {
+            cells.iter().map(|cell| format!("{:02x}", *cell as u8)).collect::<String>()
+        };
+        thumbnail.as_ref().map(text).serialize(serializer)
+    }
+
+    pub fn deserialize<'de, D: Deserializer<'de>>(
+        deserializer: D,
+    ) -> Result<Option<[i8; N_CELLS]>, D::Error> {
+        let Some(text) = Option::<String>::deserialize(deserializer)? else { return Ok(None) };
+        let cell = |digits: &[u8; 2]| {
+            u8::from_str_radix(str::from_utf8(digits).ok()?, 16).ok().map(|cell| cell as i8)
+        };
+        let (digits, rest) = text.as_bytes().as_chunks();
+        let cells = digits.iter().map(cell).collect::<Option<Vec<i8>>>().filter(|_| rest.is_empty());
+        let cells = cells.and_then(|cells| cells.try_into().ok());
+        cells.map(Some).ok_or_else(|| D::Error::custom("a thumbnail is none"))
+    }
 }
 
 impl Look {
