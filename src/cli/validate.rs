@@ -13,6 +13,7 @@ use roomsight_vision::image::Limits;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::io;
+use std::ops::Range;
 
 /// Frames of each room that train where they are drawn at random.
 const DEFAULT_TRAIN_FRAMES: usize = 100;
@@ -55,6 +56,9 @@ pub(super) struct ValidateArgs {
     /// Leave this many rooms out of training, others for each seed, and tell whether their frames are called unknown
     #[arg(long, value_name = "N", default_value_t = 0)]
     without_rooms: usize,
+    /// The first of the seeds, so that several machines can share them
+    #[arg(long, value_name = "SEED", default_value_t = 0, value_parser = clap::value_parser!(u64).range(..1 << 32))]
+    first_seed: u64,
     /// Print the rates as JSON
     #[arg(long)]
     json: bool,
@@ -140,7 +144,7 @@ pub(super) fn run(args: &ValidateArgs) -> anyhow::Result<()> {
     if args.json {
         say!("{}", serde_json::to_string_pretty(&reports)?)?;
     } else {
-        print(&reports)?;
+        print(&reports, args.first_seed)?;
     }
     Ok(())
 }
@@ -152,6 +156,10 @@ impl ValidateArgs {
         let method =
             if self.each { Method::Every(validate::teams(&config)) } else { Method::Preferred(candidates) };
         Ok(Trainee { config, method })
+    }
+
+    fn seeds(&self) -> Range<u64> {
+        self.first_seed..self.first_seed + self.folds.seeds
     }
 
     /// The rooms that this seed's models are trained without.
@@ -184,10 +192,10 @@ fn by_protocol(args: &ValidateArgs, trainee: &Trainee, dataset: &Dataset) -> any
     let Trainee { config, method } = trainee;
     let described = data::describe_to_train(dataset, &Extractor::new(config, camera.clone()), &limits)?;
     let rounds = |seed| validate::rounds(&described.samples, &protocol, seed);
-    let bar = output::progress("training", args.folds.seeds as usize * rounds(0).len());
+    let bar = output::progress("training", args.folds.seeds as usize * rounds(args.first_seed).len());
     let simulated = data::is_simulated(&args.data.data);
     let mut reports = Report::none_yet(name, simulated, method);
-    for seed in 0..args.folds.seeds {
+    for seed in args.seeds() {
         let config = Config { seed, ..config.clone() };
         let rounds = rounds(seed);
         if rounds.is_empty() {
@@ -249,7 +257,7 @@ fn by_given_split(
     let simulated = data::is_simulated(&args.data.data);
     let none_yet = |test: &Test| Report::none_yet(&test.name, simulated, method);
     let mut by_test: Vec<Vec<Report>> = tests.iter().map(none_yet).collect();
-    for seed in 0..args.folds.seeds {
+    for seed in args.seeds() {
         let config = Config { seed, ..config.clone() };
         let left_out = args.left_out_rooms(training, seed)?;
         let mut drawn: Vec<&Sample> = match args.train_frames {
@@ -274,7 +282,7 @@ fn by_given_split(
             }
         }
         bar.inc(1);
-        if args.each && seed + 1 == args.folds.seeds {
+        if args.each && seed + 1 == args.seeds().end {
             for (test, reports) in tests.iter().zip(&mut by_test) {
                 measure(reports, &models, &test.dataset, &limits)?;
             }
@@ -385,7 +393,7 @@ fn print_knowledge(reports: &[Report]) -> io::Result<()> {
     say!("\n{table}")
 }
 
-fn print(reports: &[Report]) -> io::Result<()> {
+fn print(reports: &[Report], first_seed: u64) -> io::Result<()> {
     if reports.iter().any(|report| report.simulated) {
         say!("Simulated frames.\n")?;
     }
@@ -427,7 +435,7 @@ fn print(reports: &[Report]) -> io::Result<()> {
     if reports.len() == 1 || !has_costs {
         for report in reports {
             if let Some(first) = report.evaluations.first() {
-                say!("\n{}, seed 0:", report.test)?;
+                say!("\n{}, seed {first_seed}:", report.test)?;
                 output::print_evaluation(first)?;
             }
         }

@@ -18,7 +18,7 @@ import shutil
 import subprocess
 import sysconfig
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Callable, Optional, Union
 
@@ -38,8 +38,11 @@ class ProgramError(RoomsightError):
     """A command failed; the message is the program's own. ``exit_code`` 2 is a wrong call, 3 that a gate failed, 1 all else."""
 
     def __init__(self, message: str, exit_code: int) -> None:
-        super().__init__(message)
+        super().__init__(message, exit_code)
         self.exit_code = exit_code
+
+    def __str__(self) -> str:
+        return str(self.args[0])
 
 
 def train(
@@ -50,7 +53,8 @@ def train(
     **options: Option,
 ) -> dict[str, Any]:
     """Trains a model on labeled frames into a new folder, and tells how it does on held-out frames, as ``roomsight train --json``."""
-    return run("train", data, progress=progress, output=output, **options)
+    report: dict[str, Any] = run("train", data, progress=progress, output=output, **options)
+    return report
 
 
 def evaluate(
@@ -61,16 +65,27 @@ def evaluate(
     **options: Option,
 ) -> dict[str, Any]:
     """The rates of a model on labeled frames, as ``roomsight evaluate --json``."""
-    return run("evaluate", model, data, progress=progress, **options)
+    report: dict[str, Any] = run("evaluate", model, data, progress=progress, **options)
+    return report
 
 
-def run(command: str, *arguments: Any, progress: Optional[Progress] = None, **options: Option) -> dict[str, Any]:
-    """What a command prints with ``--json``. Its notes go to the logger ``roomsight``.
+def run(command: str, *arguments: Any, progress: Optional[Progress] = None, **options: Option) -> Any:
+    """What a command tells with ``--json``. Its notes go to the logger ``roomsight``.
 
     Raises ``ProgramError`` where it fails, ``FileNotFoundError`` where there is no program. It is stopped where this is
     interrupted.
     """
-    line = [executable(), command, "--json", "--progress", "lines", *flags(options), "--", *map(os.fspath, arguments)]
+    return json.loads(_said([command, "--json"], arguments, progress, options))
+
+
+def command(name: str, *arguments: Any, progress: Optional[Progress] = None, **options: Option) -> str:
+    """What a command prints that knows no ``--json``. Raises as ``run``."""
+    return _said([name], arguments, progress, options)
+
+
+def _said(command: list[str], arguments: Sequence[Any], progress: Optional[Progress], options: Mapping[str, Option]) -> str:
+    """What a command writes on its standard output."""
+    line = [executable(), *command, "--progress", "lines", *flags(options), "--", *map(os.fspath, arguments)]
     environment = dict(os.environ)
     library = runtimes.onnx_runtime()
     if library is not None:
@@ -90,10 +105,9 @@ def run(command: str, *arguments: Any, progress: Optional[Progress] = None, **op
             raise
         reader.join()
     if process.returncode != 0:
-        message = "\n".join(complaints) or f"{command} ended with {process.returncode}"
+        message = "\n".join(complaints) or f"{command[0]} ended with {process.returncode}"
         raise ProgramError(message, process.returncode)
-    report: dict[str, Any] = json.loads(said[0])
-    return report
+    return said[0]
 
 
 def _hear(text: str, progress: Optional[Progress], complaints: list[str]) -> None:

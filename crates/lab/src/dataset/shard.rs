@@ -17,6 +17,7 @@ use std::collections::HashMap;
 use std::fmt;
 use std::fs;
 use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 use std::sync::Arc;
@@ -30,7 +31,7 @@ const ENDING: &str = ".frames.json";
 /// The longest of these files, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// One of several parts of a data set, counted from 1.
+/// One of several parts of a work, counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(try_from = "[usize; 2]", into = "[usize; 2]")]
 pub struct Part {
@@ -46,8 +47,14 @@ pub struct PartError;
 impl Part {
     /// The most parts.
     pub const MAX: usize = 100_000;
-    /// All of a data set.
+    /// All of it.
     pub const WHOLE: Self = Self { number: 1, of: 1 };
+
+    /// Which of so many items in a row belong to it: as many as to the others, or one more.
+    pub fn range(self, n_items: usize) -> Range<usize> {
+        let bound = |number: usize| number * n_items / self.of;
+        bound(self.number - 1)..bound(self.number)
+    }
 
     fn file_name(self) -> String {
         format!("part-{}-of-{}{ENDING}", self.number, self.of)
@@ -309,8 +316,7 @@ impl Dataset {
 
     /// The frames of one part, as many as of the others or one more.
     pub fn with_part(mut self, part: Part) -> Self {
-        let bound = |number: usize| number * self.frames.len() / part.of;
-        let range = bound(part.number - 1)..bound(part.number);
+        let range = part.range(self.frames.len());
         self.frames = self.frames.drain(range).collect();
         self
     }

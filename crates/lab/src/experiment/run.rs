@@ -5,7 +5,7 @@ use super::{
     Cache, Cell, Drive, Drives, ExperimentError, Matches, Measured, Occlusion, Plan, Rates, Split, Work,
     cost, stability,
 };
-use crate::dataset::Described;
+use crate::dataset::{Described, Part};
 use crate::validate;
 use rayon::prelude::*;
 use roomsight_recognition::model::{Config, Model, OpinionConfig, Sample};
@@ -52,6 +52,14 @@ pub fn run(
 }
 
 impl Plan {
+    /// The cells of one part, one after the other, as those share models; none whose time is measured.
+    pub fn with_part(mut self, part: Part) -> Self {
+        self.cells.retain(|cell| !matches!(cell.work, Work::Cost { .. }));
+        let range = part.range(self.cells.len());
+        self.cells = self.cells.drain(range).collect();
+        self
+    }
+
     /// How many steps measuring it over this many seeds takes.
     pub fn n_steps(&self, n_seeds: u64) -> usize {
         self.cells.iter().map(|cell| cell.n_seeds(n_seeds) as usize).sum()
