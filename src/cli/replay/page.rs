@@ -1,7 +1,7 @@
 //! A replay as one HTML file: figures, the distribution of the latency, accuracy and rooms over time.
 
 use super::report::{Report, Setting};
-use super::tally::{Percentiles, Score, Stay, Stays, Tally, ms};
+use super::tally::{Course, Percentiles, Score, Stay, Stays, Tally, Window, ms};
 use hdrhistogram::Histogram;
 use roomsight_lab::page::chart::{
     LEFT, N_COLORS, PLOT_HEIGHT, TOP, WIDTH, framed, label, legend, polyline, rate_axis, y_axis, y_of,
@@ -41,6 +41,8 @@ pub fn html(report: &Report, tally: &Tally) -> String {
              share of frames that were at least as fast.</p>\n";
     body += &percentile_table(report);
     body += &distribution(&[("latency", &tally.latency), ("frame age", &tally.age)]);
+    body += "</section>\n<section><h2>Latency over time</h2>\n<p class=\"source\">Milliseconds, of frames by when they were due.</p>\n";
+    body += &latencies(tally);
     body += "</section>\n<section><h2>Accuracy over time</h2>\n";
     body += &accuracy(tally);
     body += "</section>\n<section><h2>Rooms of the first robot</h2>\n";
@@ -94,25 +96,46 @@ fn round_up(value: f64) -> f64 {
     [1.0, 2.0, 4.0, 10.0].map(|factor| factor * power).into_iter().find(|&top| top >= value).unwrap_or(value)
 }
 
+fn latencies(tally: &Tally) -> String {
+    let windows: Vec<Option<Percentiles>> = tally.course.windows.iter().map(Window::percentiles).collect();
+    let most_ms = windows.iter().flatten().map(|percentiles| percentiles.p99).fold(0.0, f64::max);
+    let top = round_up(most_ms);
+    let quarter = |quarter: u8| (f64::from(quarter) / 4.0, format!("{}", top * f64::from(quarter) / 4.0));
+    let mut svg = y_axis((0..=4).map(quarter)) + &legend(&["p50", "p99"]);
+    for (color, value) in [|p: &Percentiles| p.p50, |p: &Percentiles| p.p99].into_iter().enumerate() {
+        let points = windows.iter().enumerate();
+        let points = points.filter_map(|(idx, window)| Some((idx, value(window.as_ref()?))));
+        svg += &polyline(color, points.map(|(idx, ms)| (window_x(&tally.course, idx), y_of(ms / top))));
+    }
+    over_time(&tally.course, svg)
+}
+
 fn accuracy(tally: &Tally) -> String {
     let course = &tally.course;
-    let n_windows = course.windows.len();
-    let x_of = |seconds: f64| LEFT + (WIDTH - LEFT) * seconds / (course.width_s * n_windows.max(1) as f64);
-    let line = |color, score: fn(&(Score, Score)) -> Score| {
+    let line = |color, score: fn(&Window) -> Score| {
         let points = course.windows.iter().enumerate().filter_map(|(idx, window)| {
             let rate = score(window).rate()?.rate?;
-            Some((x_of((idx as f64 + 0.5) * course.width_s), y_of(rate)))
+            Some((window_x(course, idx), y_of(rate)))
         });
         polyline(color, points)
     };
     let has_filter = tally.filtered.rate().is_some();
-    let mut svg = rate_axis() + &line(0, |window| window.0);
+    let mut svg = rate_axis() + &line(0, |window| window.raw);
     if has_filter {
-        svg += &line(1, |window| window.1);
+        svg += &line(1, |window| window.filtered);
     }
     svg += &legend(if has_filter { &["frame by frame", "filtered"] } else { &["frame by frame"] });
-    svg += &seconds_axis(course.width_s * n_windows as f64, TOP + PLOT_HEIGHT + 16.0);
-    framed(&svg, TOP + PLOT_HEIGHT + 26.0)
+    over_time(course, svg)
+}
+
+/// Where the middle of a window is.
+fn window_x(course: &Course, idx: usize) -> f64 {
+    LEFT + (WIDTH - LEFT) * (idx as f64 + 0.5) / course.windows.len().max(1) as f64
+}
+
+fn over_time(course: &Course, svg: String) -> String {
+    let end_s = course.width_s * course.windows.len() as f64;
+    framed(&(svg + &seconds_axis(end_s, TOP + PLOT_HEIGHT + 16.0)), TOP + PLOT_HEIGHT + 26.0)
 }
 
 /// Where the robot was, where its frames say it was, where the filter does.

@@ -1,6 +1,6 @@
 //! What a replay comes to, for people, machines and gates.
 
-use super::tally::{Percentiles, Tally, ms};
+use super::tally::{Course, Percentiles, Tally, Window, ms};
 use crate::cli::output::{self, GateFailed, say};
 use clap::Args;
 use roomsight_lab::evaluate::Rate;
@@ -77,8 +77,23 @@ pub struct Report {
     pub accuracy_raw: Option<Rate>,
     /// How many of the filter's answers are right.
     pub accuracy_filtered: Option<Rate>,
+    /// The latency over time.
+    pub course: Vec<Interval>,
     /// The gates that were asked for.
     pub gates: Vec<Gate>,
+}
+
+/// The frames that were due in some time and got a room.
+#[derive(Serialize)]
+pub struct Interval {
+    /// From when, in seconds from the start.
+    pub from_s: f64,
+    /// Until when.
+    pub to_s: f64,
+    /// How many.
+    pub results: u64,
+    /// From when a frame was due to its room.
+    pub latency_ms: Percentiles,
 }
 
 /// Frames by what became of them.
@@ -113,6 +128,15 @@ pub struct Gate {
     pub passed: bool,
 }
 
+fn course(course: &Course) -> Vec<Interval> {
+    let interval = |(idx, window): (usize, &Window)| {
+        let from_s = idx as f64 * course.width_s;
+        let results = window.latency.as_ref()?.len();
+        Some(Interval { from_s, to_s: from_s + course.width_s, results, latency_ms: window.percentiles()? })
+    };
+    course.windows.iter().enumerate().filter_map(interval).collect()
+}
+
 impl Report {
     /// Sums up.
     pub fn new(setting: Setting, duration: Duration, tally: &Tally) -> Self {
@@ -135,6 +159,7 @@ impl Report {
             errors: tally.errors.clone(),
             accuracy_raw: tally.raw.rate(),
             accuracy_filtered: tally.filtered.rate(),
+            course: course(&tally.course),
             gates: Vec::new(),
         }
     }

@@ -14,6 +14,8 @@ const LATE: Duration = Duration::from_millis(10);
 const LONGEST_US: u64 = 3_600_000_000;
 /// The most points of a course over time; where there would be more, two become one.
 const MAX_WINDOWS: usize = 400;
+/// Digits of the latencies of one of them.
+const WINDOW_DIGITS: u8 = 2;
 /// The most changes of room that are kept.
 const MAX_STAYS: usize = 5_000;
 
@@ -78,7 +80,7 @@ impl Tally {
             age: Histogram::new_with_max(LONGEST_US, 3)?,
             raw: Score::default(),
             filtered: Score::default(),
-            course: Course { width_s: 1.0, windows: Vec::new() },
+            course: Course::default(),
             stays: Stays::default(),
         })
     }
@@ -104,7 +106,7 @@ impl Tally {
         if let Some(filtered) = filtered {
             self.filtered.add(filtered);
         }
-        self.course.add(told.at, raw, filtered);
+        self.course.add(told.at, told.latency, raw, filtered);
     }
 
     /// A frame was not looked at.
@@ -157,32 +159,76 @@ impl Score {
     }
 }
 
-/// Scores over time, in windows of equal width that grow with the time.
+/// Scores and latencies over time, in windows of equal width that grow with the time.
 pub struct Course {
     /// How wide each is, in seconds.
     pub width_s: f64,
-    /// Of frames and of the filter.
-    pub windows: Vec<(Score, Score)>,
+    /// By when frames were due.
+    pub windows: Vec<Window>,
+}
+
+/// The frames of some time that got a room.
+#[derive(Default)]
+pub struct Window {
+    /// How often a frame's own answer was right.
+    pub raw: Score,
+    /// How often the filter's was.
+    pub filtered: Score,
+    /// In microseconds; none before the first frame.
+    pub latency: Option<Histogram<u64>>,
+}
+
+impl Default for Course {
+    fn default() -> Self {
+        Self { width_s: 1.0, windows: Vec::new() }
+    }
 }
 
 impl Course {
-    fn add(&mut self, at: Duration, raw: bool, filtered: Option<bool>) {
+    fn add(&mut self, at: Duration, latency: Duration, raw: bool, filtered: Option<bool>) {
         while at.as_secs_f64() / self.width_s >= MAX_WINDOWS as f64 {
-            let merge = |pair: &[(Score, Score)]| {
-                pair.iter().fold((Score::default(), Score::default()), |(raw, filtered), window| {
-                    (raw.merge(window.0), filtered.merge(window.1))
-                })
-            };
-            self.windows = self.windows.chunks(2).map(merge).collect();
+            let mut windows = std::mem::take(&mut self.windows).into_iter();
+            while let Some(first) = windows.next() {
+                self.windows.push(match windows.next() {
+                    Some(second) => first.merge(second),
+                    None => first,
+                });
+            }
             self.width_s *= 2.0;
         }
         let window_idx = (at.as_secs_f64() / self.width_s) as usize;
         self.windows.resize_with(self.windows.len().max(window_idx + 1), Default::default);
-        let (raws, filters) = &mut self.windows[window_idx];
-        raws.add(raw);
+        let window = &mut self.windows[window_idx];
+        window.raw.add(raw);
         if let Some(filtered) = filtered {
-            filters.add(filtered);
+            window.filtered.add(filtered);
         }
+        if window.latency.is_none() {
+            window.latency = Histogram::new_with_max(LONGEST_US, WINDOW_DIGITS).ok();
+        }
+        if let Some(latencies) = &mut window.latency {
+            latencies.saturating_record(latency.as_micros() as u64);
+        }
+    }
+}
+
+impl Window {
+    fn merge(self, other: Self) -> Self {
+        let latency = match (self.latency, other.latency) {
+            (Some(mut own), Some(others)) => {
+                // Both have the same bounds.
+                let _ = own.add(others);
+                Some(own)
+            }
+            (own, others) => own.or(others),
+        };
+        let (raw, filtered) = (self.raw.merge(other.raw), self.filtered.merge(other.filtered));
+        Self { raw, filtered, latency }
+    }
+
+    /// The latencies in a few figures; none without frames.
+    pub fn percentiles(&self) -> Option<Percentiles> {
+        Percentiles::of(self.latency.as_ref()?)
     }
 }
 
@@ -296,18 +342,18 @@ mod tests {
 
     #[test]
     fn a_long_course_keeps_its_sums_in_fewer_windows() {
-        let mut course = Course { width_s: 1.0, windows: Vec::new() };
+        let mut course = Course::default();
         for second in 0..3000 {
-            course.add(Duration::from_secs(second), second % 2 == 0, Some(true));
+            let latency = Duration::from_millis(second % 100);
+            course.add(Duration::from_secs(second), latency, second % 2 == 0, Some(true));
         }
         assert!(course.windows.len() <= MAX_WINDOWS, "{}", course.windows.len());
-        let (raw, filtered) =
-            course.windows.iter().fold(Default::default(), |(raw, filtered): (Score, Score), window| {
-                (raw.merge(window.0), filtered.merge(window.1))
-            });
-        assert_eq!(raw, Score { n_correct: 1500, n_frames: 3000 });
-        assert_eq!(filtered, Score { n_correct: 3000, n_frames: 3000 });
-        assert_eq!(course.windows[0].0.n_frames, course.width_s as usize);
+        assert_eq!(course.windows[0].raw.n_frames, course.width_s as usize);
+        let all = course.windows.into_iter().reduce(Window::merge).unwrap();
+        assert_eq!(all.raw, Score { n_correct: 1500, n_frames: 3000 });
+        assert_eq!(all.filtered, Score { n_correct: 3000, n_frames: 3000 });
+        let latency = all.percentiles().unwrap();
+        assert!((latency.p50 - 49.0).abs() < 1.0 && (latency.max - 99.0).abs() < 1.0, "{latency:?}");
     }
 
     #[test]

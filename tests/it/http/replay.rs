@@ -127,6 +127,9 @@ async fn every_frame_of_a_replay_by_stream_has_its_answer() {
     assert_eq!(told["frames"]["results"], 30, "{told}");
     assert_eq!(told["errors"], serde_json::json!({}), "{told}");
     assert_eq!(told["accuracy_filtered"]["n_frames"], 30, "{told}");
+    let course = told["course"].as_array().unwrap();
+    let over_time: u64 = course.iter().map(|interval| interval["results"].as_u64().unwrap()).sum();
+    assert_eq!(over_time, told["frames"]["results"].as_u64().unwrap(), "{told}");
     assert!(told["accuracy_raw"]["rate"].as_f64().unwrap() > 0.9, "{told}");
     assert!(told["age_ms"]["p50"].as_f64().unwrap() > 0.0, "{told}");
 }
