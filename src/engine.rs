@@ -12,6 +12,7 @@
 //! | `streams` | robots that send frames as they take them; see there |
 //! | `doubts` | frames that the model doubted, for whoever keeps them |
 //! | `events`, `robots` | what happens, and who is there: what dashboards are told |
+//! | `fleet` | the robots of other services |
 //! | `live`, `thumbnails` | the robots for pages that show them, and small pictures of what they see |
 //! | `metrics`, `scrape` | what is counted and measured, and its text |
 //! | `history` | the last hour of it |
@@ -26,6 +27,7 @@ pub mod bodies;
 pub mod caller;
 pub mod doubts;
 pub mod events;
+pub mod fleet;
 pub mod frame;
 pub mod history;
 pub mod live;
@@ -49,12 +51,14 @@ use crate::settings::Settings;
 use bodies::{Bodies, BodyLimits};
 use doubts::Doubts;
 use events::Events;
+use fleet::Fleet;
 use history::History;
-use live::Live;
+use live::{Live, View};
 use metrics::Metrics;
 use pool::{Pool, Size};
 use registry::{Registry, RegistryError};
 use robots::Robots;
+use roomsight_protocol::fleet::Scope;
 use std::fs;
 use std::io;
 use std::ops::Deref;
@@ -81,6 +85,9 @@ pub struct EngineState {
     pub streams: Streams,
     pub robots: Robots,
     pub live: Live,
+    pub fleet: Fleet,
+    /// The same as `live`, of all services.
+    pub fleet_live: Live,
     pub thumbnails: Thumbnails,
     pub events: Events,
     pub doubts: Doubts,
@@ -129,6 +136,8 @@ impl Engine {
             body_memory,
             bodies: Arc::new(bodies),
             live: Live::default(),
+            fleet: Fleet::default(),
+            fleet_live: Live::default(),
             thumbnails: Thumbnails::default(),
             events,
             doubts: Doubts::default(),
@@ -137,6 +146,31 @@ impl Engine {
             stopping: CancellationToken::new(),
             settings,
         })))
+    }
+
+    /// Whose robots are told of.
+    pub fn view(&self, scope: Scope) -> View<'_> {
+        let fleet = match scope {
+            Scope::Service => None,
+            Scope::Fleet => Some(&self.fleet),
+        };
+        View { robots: &self.robots, fleet }
+    }
+
+    /// Where robots are told of as they change.
+    pub fn live_of(&self, scope: Scope) -> &Live {
+        match scope {
+            Scope::Service => &self.live,
+            Scope::Fleet => &self.fleet_live,
+        }
+    }
+
+    /// Where it is told what happens; of a service that knows no others its own.
+    pub fn events_of(&self, scope: Scope) -> &Events {
+        match scope {
+            Scope::Fleet if self.settings.nats.is_set() => &self.fleet.events,
+            _ => &self.events,
+        }
     }
 
     /// Refuses frames from now on; those accepted are answered.

@@ -4,7 +4,7 @@ mod durations;
 mod hidden;
 mod outside;
 
-pub use hidden::{Broker, BrokerUrl, Secret};
+pub use hidden::{Broker, BrokerUrl, NatsUrl, Secret};
 
 use crate::access::{Key, Sites, check_together};
 use config::{Config, Environment, File, FileFormat};
@@ -136,6 +136,12 @@ pub struct Settings {
     pub mqtt_prefix: String,
     /// What the topics begin with by which Home Assistant finds the robots; empty: it does not.
     pub mqtt_discovery: String,
+    /// The server of NATS over which services tell each other of their robots, as `nats://USER:PASSWORD@HOST:4222`; empty: none.
+    pub nats: NatsUrl,
+    /// What the subjects begin with: services with the same are a fleet.
+    pub nats_prefix: String,
+    /// What this service is called in its fleet; empty: as its machine, by the environment's `HOSTNAME`, else by chance.
+    pub service_name: String,
     /// How log lines look.
     pub log_format: LogFormat,
     /// What is logged: `error`, `warn`, `info`, `debug`, or a filter as `roomsight=debug,warn`.
@@ -245,6 +251,9 @@ impl Default for Settings {
             mqtt: BrokerUrl::default(),
             mqtt_prefix: "roomsight".into(),
             mqtt_discovery: "homeassistant".into(),
+            nats: NatsUrl::default(),
+            nats_prefix: "roomsight".into(),
+            service_name: String::new(),
             log_format: LogFormat::Human,
             log_level: "info".into(),
             otlp_endpoint: String::new(),
@@ -296,12 +305,29 @@ impl Settings {
             ("webhook_secret", self.webhook_secret == other.webhook_secret),
             ("resume_keys", self.resume_keys == other.resume_keys),
             ("mqtt", self.mqtt == other.mqtt),
+            ("nats", self.nats == other.nats),
         ] {
             if !is_same && !names.iter().any(|other| other == name) {
                 names.push(name.to_owned());
             }
         }
         Ok(names)
+    }
+
+    /// What this service is called in its fleet; `None` where the system gives no random numbers.
+    pub fn name_in_fleet(&self) -> Option<String> {
+        let own = Some(self.service_name.clone()).filter(|name| !name.is_empty());
+        let of_machine = || {
+            let name = std::env::var("HOSTNAME").ok()?;
+            let port = self.listen.rsplit(':').next()?;
+            Some(format!("{name}-{port}").replace(|c: char| !outside::is_usual(c), "-"))
+                .filter(|_| !name.is_empty())
+        };
+        own.or_else(of_machine).or_else(|| {
+            let mut random = [0; 4];
+            getrandom::fill(&mut random).ok()?;
+            Some(format!("service-{:08x}", u32::from_be_bytes(random)))
+        })
     }
 
     /// Whether there is a data directory.

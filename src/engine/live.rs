@@ -1,10 +1,12 @@
 //! The robots as they are now, for pages that show them: what changed, made once for all readers.
 
+use crate::engine::fleet::{Everybody, Fleet};
 use crate::engine::robots::{Revision, Robots};
 use bytes::Bytes;
-use roomsight_protocol::event::LiveUpdate;
+use roomsight_protocol::event::{LiveUpdate, RobotState};
 use std::collections::BTreeMap;
 use std::convert::Infallible;
+use std::sync::Arc;
 use std::time::{Duration, Instant, SystemTime};
 use tokio::sync::broadcast::error::RecvError;
 use tokio::sync::broadcast::{self, Receiver};
@@ -12,9 +14,17 @@ use tokio::sync::watch;
 use tokio::time::{MissedTickBehavior, interval};
 
 /// How often readers hear what changed.
-const INTERVAL: Duration = Duration::from_millis(500);
+pub const INTERVAL: Duration = Duration::from_millis(500);
 /// How many updates a reader may be behind before it loses the oldest.
 const N_KEPT: usize = 8;
+
+/// Whose robots are told of.
+#[derive(Clone, Copy)]
+pub struct View<'a> {
+    pub robots: &'a Robots,
+    /// Those of other services too.
+    pub fleet: Option<&'a Fleet>,
+}
 
 /// Where updates are told, and who reads them.
 pub struct Live {
@@ -50,7 +60,7 @@ impl Live {
     }
 
     /// Tells what changes for ever, while anybody reads.
-    pub async fn make(&self, robots: &Robots) -> Infallible {
+    pub async fn make(&self, view: View<'_>) -> Infallible {
         let mut n_came = self.n_came.subscribe();
         loop {
             // The sender is ours, so that this only waits.
@@ -61,7 +71,7 @@ impl Live {
             ticks.tick().await;
             while self.n_readers() > 0 {
                 ticks.tick().await;
-                if let Some(update) = told.update(robots) {
+                if let Some(update) = told.update(view) {
                     let _ = self.updates.send(as_event(&update));
                 }
             }
@@ -71,9 +81,9 @@ impl Live {
 
 impl LiveReader {
     /// The next update as a server-sent event; none when the service ends. One that was too slow hears all robots again.
-    pub async fn next(&mut self, robots: &Robots) -> Option<LiveEvent> {
+    pub async fn next(&mut self, view: View<'_>) -> Option<LiveEvent> {
         if let Some(n_lost) = self.n_lost.take() {
-            let update = Told::default().update(robots).unwrap_or_else(|| update(Vec::new(), Vec::new()));
+            let update = Told::default().update(view).unwrap_or_else(|| update(Vec::new(), Vec::new()));
             let bytes = as_event(&LiveUpdate { lost_events: n_lost, ..update });
             return Some(LiveEvent { bytes, n_lost });
         }
@@ -83,7 +93,7 @@ impl LiveReader {
                 // Those that are still kept are older than what is told now.
                 self.updates = self.updates.resubscribe();
                 self.n_lost = Some(n_lost);
-                Box::pin(self.next(robots)).await
+                Box::pin(self.next(view)).await
             }
             Err(RecvError::Closed) => None,
         }
@@ -97,25 +107,39 @@ pub struct LiveEvent {
     pub n_lost: u64,
 }
 
-/// What readers know.
+/// What readers know of each robot, by its id.
 #[derive(Default)]
-struct Told(BTreeMap<String, Revision>);
+pub struct Told(BTreeMap<String, Known>);
+
+/// How a robot was when it was told of.
+enum Known {
+    Own(Revision),
+    Other(Arc<RobotState>),
+}
 
 impl Told {
     /// What they do not know yet, if there is anything.
-    fn update(&mut self, robots: &Robots) -> Option<LiveUpdate> {
+    pub fn update(&mut self, View { robots, fleet }: View<'_>) -> Option<LiveUpdate> {
         let now = Instant::now();
+        let alone = || Everybody { own: robots.all(), others: BTreeMap::new() };
+        let Everybody { own, others } = fleet.map_or_else(alone, |fleet| fleet.everybody(robots, now));
         let mut known = BTreeMap::new();
         let mut changed = Vec::new();
-        for record in robots.all() {
+        for record in own {
             // Before the state, so that what changes between is told twice and not never.
             let revision = record.revision(now);
             let state = || robots.state(&record);
             let id = record.id();
-            if self.0.get(&id) != Some(&revision) {
+            if !matches!(self.0.get(&id), Some(Known::Own(told)) if *told == revision) {
                 changed.push(state());
             }
-            known.insert(id, revision);
+            known.insert(id, Known::Own(revision));
+        }
+        for (id, other) in others {
+            if !matches!(self.0.get(&id), Some(Known::Other(told)) if Arc::ptr_eq(told, &other.state)) {
+                changed.push((*other.state).clone());
+            }
+            known.insert(id, Known::Other(other.state));
         }
         let gone: Vec<String> = self.0.keys().filter(|id| !known.contains_key(*id)).cloned().collect();
         self.0 = known;
@@ -123,7 +147,7 @@ impl Told {
     }
 }
 
-fn update(robots: Vec<roomsight_protocol::event::RobotState>, gone: Vec<String>) -> LiveUpdate {
+fn update(robots: Vec<RobotState>, gone: Vec<String>) -> LiveUpdate {
     let at = humantime::format_rfc3339_millis(SystemTime::now()).to_string();
     LiveUpdate { at, robots, gone, lost_events: 0 }
 }
@@ -139,12 +163,17 @@ mod tests {
     use super::*;
     use crate::engine::events::Events;
     use crate::settings::Settings;
+    use roomsight_protocol::fleet::FleetRobots;
 
     fn told(event: Option<LiveEvent>) -> LiveUpdate {
         let bytes = event.unwrap().bytes;
         let text = std::str::from_utf8(&bytes).unwrap();
         let data = text.strip_prefix("event: live\ndata: ").unwrap().strip_suffix("\n\n").unwrap();
         serde_json::from_str(data).unwrap()
+    }
+
+    fn view(robots: &Robots) -> View<'_> {
+        View { robots, fleet: None }
     }
 
     fn ids(update: &LiveUpdate) -> Vec<&str> {
@@ -156,29 +185,29 @@ mod tests {
         let robots = Robots::new(&Settings::default(), Events::default());
         let (one, _other) = (robots.named("one", None), robots.named("other", None));
         let mut told = Told::default();
-        assert_eq!(ids(&told.update(&robots).unwrap()), ["one", "other"]);
-        assert!(told.update(&robots).is_none());
+        assert_eq!(ids(&told.update(view(&robots)).unwrap()), ["one", "other"]);
+        assert!(told.update(view(&robots)).is_none());
         one.accepted();
-        assert_eq!(ids(&told.update(&robots).unwrap()), ["one"]);
-        told.0.insert("gone".to_owned(), one.revision(Instant::now()));
-        assert_eq!(told.update(&robots).unwrap().gone, ["gone"]);
+        assert_eq!(ids(&told.update(view(&robots)).unwrap()), ["one"]);
+        told.0.insert("gone".to_owned(), Known::Own(one.revision(Instant::now())));
+        assert_eq!(told.update(view(&robots)).unwrap().gone, ["gone"]);
     }
 
     #[tokio::test]
     async fn a_slow_reader_hears_all_robots_again_and_how_much_it_lost() {
         let (robots, live) = (Robots::new(&Settings::default(), Events::default()), Live::default());
         let mut reader = live.subscribe();
-        let first = told(reader.next(&robots).await);
+        let first = told(reader.next(view(&robots)).await);
         assert!(first.robots.is_empty() && first.gone.is_empty());
         assert_eq!(first.lost_events, 0);
         robots.named("one", None);
         for _ in 0..N_KEPT + 3 {
             live.updates.send(Bytes::from_static(b"older")).unwrap();
         }
-        let made_up = told(reader.next(&robots).await);
+        let made_up = told(reader.next(view(&robots)).await);
         assert_eq!((ids(&made_up), made_up.lost_events), (vec!["one"], 3));
         live.updates.send(Bytes::from_static(b"newer")).unwrap();
-        assert_eq!(reader.next(&robots).await.unwrap().bytes, "newer");
+        assert_eq!(reader.next(view(&robots)).await.unwrap().bytes, "newer");
     }
 
     #[tokio::test]
@@ -187,15 +216,38 @@ mod tests {
         let record = robots.named("one", None);
         let reading = async {
             let mut reader = live.subscribe();
-            reader.next(&robots).await;
+            reader.next(view(&robots)).await;
             record.accepted();
-            let update = told(reader.next(&robots).await);
+            let update = told(reader.next(view(&robots)).await);
             assert_eq!(update.robots[0].frames.accepted, 1);
         };
         tokio::select! {
-            never = live.make(&robots) => match never {},
+            never = live.make(view(&robots)) => match never {},
             () = reading => {}
         }
         assert_eq!(live.n_readers(), 0);
+    }
+
+    #[test]
+    fn robots_of_other_services_are_told_of_as_they_change() {
+        let (robots, fleet) = (Robots::new(&Settings::default(), Events::default()), Fleet::default());
+        robots.named("here", None);
+        let there = robots.state(&Robots::new(&Settings::default(), Events::default()).named("there", None));
+        let hear = |stops| {
+            let robots = if stops { vec![] } else { vec![there.clone()] };
+            fleet.hear("other", FleetRobots { robots, gone: vec![], stops }, Instant::now());
+        };
+        let view = View { robots: &robots, fleet: Some(&fleet) };
+        let mut told = Told::default();
+        hear(false);
+        let update = told.update(view).unwrap();
+        assert_eq!(ids(&update), ["here", "there"]);
+        assert_eq!(update.robots[1].service.as_deref(), Some("other"));
+        assert!(told.update(view).is_none());
+        hear(false);
+        assert_eq!(ids(&told.update(view).unwrap()), ["there"]);
+        hear(true);
+        assert_eq!(told.update(view).unwrap().gone, ["there"]);
+        assert_eq!(ids(&Told::default().update(View { fleet: None, ..view }).unwrap()), ["here"]);
     }
 }

@@ -24,7 +24,10 @@ fn read(engine: &Engine) -> String {
         (&catalog::THREADS, load.n_threads),
         (&catalog::THREADS_BUSY, load.n_running),
         (&catalog::BODY_BYTES, body_bytes),
-        (&catalog::EVENT_READERS, engine.events.n_readers() + engine.live.n_readers()),
+        (
+            &catalog::EVENT_READERS,
+            engine.events.n_readers() + engine.live.n_readers() + engine.fleet_live.n_readers(),
+        ),
         (&catalog::LIVE_FRAME_BYTES, engine.robots.frames().n_bytes()),
         (&catalog::TRAINING_RUNNING, usize::from(engine.metrics.beside().is_training())),
         (&catalog::DRAINING, usize::from(engine.is_draining())),
@@ -36,6 +39,9 @@ fn read(engine: &Engine) -> String {
     let is_connected = f64::from(engine.metrics.beside().is_broker_connected());
     let broker = engine.settings.mqtt.is_set().then_some(([""; 0], is_connected));
     readings.add_series(&catalog::MQTT_CONNECTED, broker);
+    let is_connected = f64::from(engine.metrics.beside().is_fleet_connected());
+    let fleet = engine.settings.nats.is_set().then_some(([""; 0], is_connected));
+    readings.add_series(&catalog::NATS_CONNECTED, fleet);
     read_streams(engine, &mut readings);
     read_models(engine, &mut readings);
     readings.add_series(&catalog::BUILD_INFO, [([env!("CARGO_PKG_VERSION")], 1.0)]);

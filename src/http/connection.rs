@@ -20,6 +20,7 @@ use hyper::service::{Service, service_fn};
 use hyper::{Request, StatusCode};
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use roomsight_protocol::fleet::Scope;
 #[cfg(target_os = "linux")]
 use socket2::SockRef;
 use std::convert::Infallible;
@@ -32,6 +33,7 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio_util::either::Either;
+use tokio_util::task::AbortOnDropHandle;
 
 /// The most that is read ahead on one connection, and so the longest head of a request. What is no HTTP
 /// or exceeds it is answered before there is a request, see [`Misread`].
@@ -41,6 +43,9 @@ const ACCEPT_PAUSE: Duration = Duration::from_millis(200);
 /// How long a connection without a request is kept when the service stops: a request that is on its way
 /// then is answered.
 const STOP_PAUSE: Duration = Duration::from_millis(200);
+
+/// How long it may take to tell other services that this one stops.
+const LAST_WORD: Duration = Duration::from_secs(1);
 
 /// Serves until `shutdown` is ready. Then readiness turns 503, new frames are refused, accepted
 /// ones are answered within the setting `drain_timeout_ms`, and this returns.
@@ -70,9 +75,14 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
     });
     aside.spawn({
         let app = app.clone();
-        async move { match app.engine.live.make(&app.engine.robots).await {} }
+        async move { match app.engine.live.make(app.engine.view(Scope::Service)).await {} }
+    });
+    aside.spawn({
+        let app = app.clone();
+        async move { match app.engine.fleet_live.make(app.engine.view(Scope::Fleet)).await {} }
     });
     aside.spawn(outside::tell(app.engine.clone()));
+    let fleet = AbortOnDropHandle::new(tokio::spawn(outside::tell_fleet(app.engine.clone())));
     aside.spawn({
         let engine = app.engine.clone();
         async move { match history::keep(engine).await {} }
@@ -98,6 +108,8 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
             tracing::warn!(connections = connections.len(), "stopped before all requests were answered");
         }
     }
+    // Other services are told that its robots are here no more.
+    let _ = tokio::time::timeout(LAST_WORD, fleet).await;
     Ok(())
 }
 

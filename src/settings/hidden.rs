@@ -2,26 +2,59 @@
 
 use serde::{Deserialize, Serialize, Serializer};
 use std::fmt;
+use std::marker::PhantomData;
 use std::net::{Ipv6Addr, SocketAddr};
 
 /// What is shown in the place of a secret.
 const HIDDEN: &str = "(hidden)";
-/// The scheme of a broker's address.
-const SCHEME: &str = "mqtt://";
-const DEFAULT_PORT: u16 = 1883;
 
 /// A text that is shown to nobody; empty where there is none.
 #[derive(Clone, Default, PartialEq, Eq, Deserialize)]
 #[serde(transparent)]
 pub struct Secret(String);
 
-/// The address of a broker of MQTT, `mqtt://USER:PASSWORD@HOST:PORT`, of which the password is shown to nobody; empty
-/// where there is none.
+/// The address of a server that passes messages on, such as `mqtt://USER:PASSWORD@HOST:PORT`, of which the password is shown to
+/// nobody; empty where there is none.
 #[derive(Clone, Default, PartialEq, Eq, Deserialize)]
 #[serde(transparent)]
-pub struct BrokerUrl(String);
+pub struct ServerUrl<P>(String, #[serde(skip)] PhantomData<P>);
 
-/// A broker of MQTT.
+/// How a server is spoken to.
+pub trait Protocol {
+    /// What its addresses begin with.
+    const SCHEME: &'static str;
+    /// Those of servers that want TLS.
+    const SCHEME_OF_TLS: &'static str;
+    const DEFAULT_PORT: u16;
+}
+
+/// As MQTT has it.
+#[derive(Clone, Default, PartialEq, Eq)]
+pub struct Mqtt;
+
+/// As NATS has it.
+#[derive(Clone, Default, PartialEq, Eq)]
+pub struct Nats;
+
+/// The address of a broker of MQTT.
+pub type BrokerUrl = ServerUrl<Mqtt>;
+
+/// The address of a server of NATS.
+pub type NatsUrl = ServerUrl<Nats>;
+
+impl Protocol for Mqtt {
+    const SCHEME: &'static str = "mqtt://";
+    const SCHEME_OF_TLS: &'static str = "mqtts://";
+    const DEFAULT_PORT: u16 = 1883;
+}
+
+impl Protocol for Nats {
+    const SCHEME: &'static str = "nats://";
+    const SCHEME_OF_TLS: &'static str = "tls://";
+    const DEFAULT_PORT: u16 = 4222;
+}
+
+/// Where a server is.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Broker {
     pub host: String,
@@ -43,9 +76,9 @@ impl From<&str> for Secret {
     }
 }
 
-impl From<&str> for BrokerUrl {
+impl<P> From<&str> for ServerUrl<P> {
     fn from(text: &str) -> Self {
-        Self(text.to_owned())
+        Self(text.to_owned(), PhantomData)
     }
 }
 
@@ -61,7 +94,7 @@ impl Serialize for Secret {
     }
 }
 
-impl BrokerUrl {
+impl<P: Protocol> ServerUrl<P> {
     /// Whether there is one.
     pub fn is_set(&self) -> bool {
         !self.0.is_empty()
@@ -75,13 +108,14 @@ impl BrokerUrl {
         if !self.is_set() {
             return Ok(None);
         }
-        if self.0.starts_with("mqtts://") {
+        if self.0.starts_with(P::SCHEME_OF_TLS) {
             let advice = "TLS is not spoken to brokers: let a broker beside the service, which has it, pass on what it hears";
             return Err(advice.to_owned());
         }
+        let scheme = P::SCHEME;
         let wrong =
-            || format!("{self:?} is not mqtt://USER:PASSWORD@HOST:PORT, or the same without user or port");
-        let rest = self.0.strip_prefix(SCHEME).ok_or_else(wrong)?.trim_end_matches('/');
+            || format!("{self:?} is not {scheme}USER:PASSWORD@HOST:PORT, or the same without user or port");
+        let rest = self.0.strip_prefix(scheme).ok_or_else(wrong)?.trim_end_matches('/');
         let (user, address) = match rest.rsplit_once('@') {
             Some((user, address)) => (Some(user), address),
             None => (None, rest),
@@ -91,37 +125,38 @@ impl BrokerUrl {
             Some((unescaped(name)?, Secret(unescaped(password)?)))
         });
         let user = user.map(|user| user.ok_or_else(wrong)).transpose()?;
-        let (host, port) = host_and_port(address).ok_or_else(wrong)?;
+        let (host, port) = host_and_port(address, P::DEFAULT_PORT).ok_or_else(wrong)?;
         Ok(Some(Broker { host, port, user }))
     }
 }
 
-impl fmt::Debug for BrokerUrl {
+impl<P: Protocol> fmt::Debug for ServerUrl<P> {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let Some((user, address)) = self.0.rsplit_once('@') else { return f.write_str(&self.0) };
-        let user = user.strip_prefix(SCHEME).unwrap_or_default();
+        let user = user.strip_prefix(P::SCHEME).unwrap_or_default();
         let name = user.split_once(':').map_or(user, |(name, _)| name);
-        write!(f, "{SCHEME}{name}:{HIDDEN}@{address}")
+        write!(f, "{}{name}:{HIDDEN}@{address}", P::SCHEME)
     }
 }
 
-impl Serialize for BrokerUrl {
+impl<P: Protocol> Serialize for ServerUrl<P> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(&format_args!("{self:?}"))
     }
 }
 
-fn host_and_port(address: &str) -> Option<(String, u16)> {
+/// The host and the port, or the usual one.
+fn host_and_port(address: &str, default_port: u16) -> Option<(String, u16)> {
     if let Ok(address) = address.parse::<SocketAddr>() {
         return Some((address.ip().to_string(), address.port()));
     }
     let bare = address.trim_start_matches('[').trim_end_matches(']');
     if bare.parse::<Ipv6Addr>().is_ok() {
-        return Some((bare.to_owned(), DEFAULT_PORT));
+        return Some((bare.to_owned(), default_port));
     }
     let (host, port) = match address.split_once(':') {
         Some((host, port)) => (host, port.parse().ok().filter(|&port| port > 0)?),
-        None => (address, DEFAULT_PORT),
+        None => (address, default_port),
     };
     let is_host = |c: char| c.is_ascii_alphanumeric() || matches!(c, '.' | '-' | '_');
     (!host.is_empty() && host.chars().all(is_host)).then(|| (host.to_owned(), port))
@@ -182,6 +217,10 @@ mod tests {
             assert!(told(wrong).unwrap_err().contains("is not mqtt://"), "{wrong}");
         }
         assert!(told("mqtts://home").unwrap_err().contains("TLS"));
+        let of_nats = |text: &str| NatsUrl::from(text).broker().map(|server| server.unwrap().port);
+        assert_eq!((of_nats("nats://home"), of_nats("nats://me:s@home:99")), (Ok(4222), Ok(99)));
+        assert!(of_nats("mqtt://home").unwrap_err().contains("is not nats://"));
+        assert!(of_nats("tls://home").unwrap_err().contains("TLS"));
     }
 
     #[test]

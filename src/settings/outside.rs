@@ -1,4 +1,4 @@
-//! Whether what the service tells others can work: webhooks and MQTT.
+//! Whether what the service tells others can work: webhooks, MQTT and NATS.
 
 use super::{Settings, SettingsError};
 use reqwest::Url;
@@ -29,8 +29,33 @@ impl Settings {
         if !self.mqtt_discovery.is_empty() && !is_topic(&self.mqtt_discovery) {
             return wrong("mqtt_discovery", TOPIC.into());
         }
+        if let Err(reason) = self.nats.broker() {
+            return wrong("nats", reason);
+        }
+        let is_subject = |text: &str| text.split('.').all(is_token);
+        if self.nats_prefix.len() > MAX_TOPIC_BYTES || !is_subject(&self.nats_prefix) {
+            return wrong(
+                "nats_prefix",
+                "it must be the beginning of a subject, such as roomsight or home.rooms".into(),
+            );
+        }
+        if self.service_name.len() > MAX_TOPIC_BYTES
+            || !(self.service_name.is_empty() || is_token(&self.service_name))
+        {
+            return wrong("service_name", "it may have letters, digits, - and _, such as cellar-2".into());
+        }
         Ok(())
     }
+}
+
+/// Whether it is a part of a subject of NATS.
+fn is_token(text: &str) -> bool {
+    !text.is_empty() && text.chars().all(is_usual)
+}
+
+/// What parts of subjects are made of.
+pub(super) fn is_usual(c: char) -> bool {
+    c.is_ascii_alphanumeric() || matches!(c, '-' | '_')
 }
 
 const TOPIC: &str = "it must be the beginning of a topic, such as roomsight or home/roomsight";
@@ -52,6 +77,34 @@ mod tests {
             Err(SettingsError::Wrong { name, .. }) => name,
             other => panic!("{other:?}"),
         }
+    }
+
+    #[test]
+    fn a_fleet_has_a_server_and_services_have_names() {
+        assert_eq!(refused(&Settings { nats: "http://home".into(), ..Settings::default() }), "nats");
+        for wrong in ["", "a..b", "a b", "a.*", ">"] {
+            assert_eq!(
+                refused(&Settings { nats_prefix: wrong.into(), ..Settings::default() }),
+                "nats_prefix",
+                "{wrong}"
+            );
+        }
+        for wrong in ["a.b", "a b", "*", &"x".repeat(65)] {
+            assert_eq!(
+                refused(&Settings { service_name: wrong.into(), ..Settings::default() }),
+                "service_name",
+                "{wrong}"
+            );
+        }
+        let named = Settings {
+            service_name: "cellar-2".into(),
+            nats_prefix: "home.rooms".into(),
+            ..Settings::default()
+        };
+        named.check_outside().unwrap();
+        assert_eq!(named.name_in_fleet().unwrap(), "cellar-2");
+        let unnamed = Settings::default().name_in_fleet().unwrap();
+        assert!(is_token(&unnamed), "{unnamed}");
     }
 
     #[test]

@@ -39,6 +39,7 @@ ALL = {
     "serviceMonitor": {"enabled": True, "labels": {"release": "prometheus"}},
     "networkPolicy": {"from": [{"podSelector": {}}], "to": [{"ipBlock": {"cidr": "10.0.0.0/8"}}]},
     "modelsClaim": "rooms",
+    "nats": "nats://nats.rooms:4222",
     "models": "/models",
     "serviceAccount": {"annotations": {"eks.amazonaws.com/role-arn": "arn:aws:iam::1:role/rooms"}},
     "image": {"repository": "registry.example/roomsight", "tag": "@sha256:" + 64 * "0"},
@@ -145,7 +146,7 @@ class Machines(unittest.TestCase):
         # The schema knows values and no merge keys, which Compose itself resolves.
         merged = {name: part for name, part in yaml.safe_load(text).items() if not name.startswith("x-")}
         services = compose_spec.PyCompose.from_yaml(yaml.safe_dump(merged)).services
-        self.assertEqual(set(services), {"bucket", "first-model", "roomsight", "haproxy", "prometheus", "grafana"})
+        self.assertEqual(set(services), {"bucket", "first-model", "roomsight", "nats", "haproxy", "prometheus", "grafana"})
         for service in merged["services"].values():
             for volume in service.get("volumes", []):
                 self.assertTrue((DEPLOY / "compose" / volume.split(":")[0]).is_file(), volume)

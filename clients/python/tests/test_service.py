@@ -99,6 +99,7 @@ class Service(RunningService, unittest.IsolatedAsyncioTestCase):
                     stream.answer(PATIENCE_S)
                     thread.join(0.05)
                 robot = next(robot for robot in client.robots() if robot.robot == "eve")
+                self.assertIn(robot.id, [robot.id for robot in client.robots(fleet=True)])
                 self.assertTrue(robot.connected and robot.frames.accepted == robot.frames.results > 0)
                 self.assertEqual(robot.answers[0].room, robot.room)
             events.close()

@@ -227,6 +227,9 @@ pub struct RobotState {
     /// Its name and its stream.
     #[serde(flatten)]
     pub who: RobotId,
+    /// The service that it is connected to, where those of several are told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub service: Option<String>,
     /// What brings its frames.
     pub via: Via,
     /// The name of its key, where the service has keys.

@@ -10,6 +10,7 @@
 //! | [`training`] | trainings that the service runs |
 //! | [`audit`] | who changed what |
 //! | [`event`] | what dashboards are told of robots and of what happens |
+//! | [`fleet`] | what services tell each other |
 //! | [`service`] | what they are told of the service itself |
 //! | [`map`] | how the rooms of a model lie |
 //! | [`oip`] | the Open Inference Protocol |
@@ -20,6 +21,7 @@
 pub mod audit;
 pub mod base64_text;
 pub mod event;
+pub mod fleet;
 pub mod header;
 pub mod inbox;
 pub mod map;

@@ -14,6 +14,8 @@ export interface Robot {
   id: string;
   robot?: string | null;
   stream?: string | null;
+  /** Where it is connected, of a robot of another service. */
+  service?: string | null;
   via: "stream" | "rest";
   key?: string | null;
   connected: boolean;
@@ -72,7 +74,7 @@ export interface RobotInfo extends Robot {
 }
 
 export const listRobots = async (signal?: AbortSignal) =>
-  (await call<{ robots: RobotInfo[] }>("v1/robots", { signal })).robots;
+  (await call<{ robots: RobotInfo[] }>("v1/robots?scope=fleet", { signal })).robots;
 
 export const getRobot = (id: string, signal?: AbortSignal) =>
   call<RobotInfo>(`v1/robots/${part(id)}`, { signal });

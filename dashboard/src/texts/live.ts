@@ -114,6 +114,7 @@ export const text = {
   numbers: {
     model: "Model",
     via: "Sends by",
+    service: "At the service",
     key: "Key",
     mode: "Mode",
     rate: "Frames a second",

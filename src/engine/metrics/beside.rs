@@ -9,6 +9,7 @@ pub struct Beside {
     inbox_bytes: AtomicU64,
     is_training: AtomicBool,
     is_broker_connected: AtomicBool,
+    is_fleet_connected: AtomicBool,
 }
 
 impl Beside {
@@ -26,6 +27,16 @@ impl Beside {
     /// Whether the broker of MQTT is connected.
     pub fn broker(&self, is_connected: bool) {
         self.is_broker_connected.store(is_connected, Ordering::Relaxed);
+    }
+
+    /// Whether other services are connected, over NATS.
+    pub fn fleet(&self, is_connected: bool) {
+        self.is_fleet_connected.store(is_connected, Ordering::Relaxed);
+    }
+
+    /// The same, as it was last set.
+    pub fn is_fleet_connected(&self) -> bool {
+        self.is_fleet_connected.load(Ordering::Relaxed)
     }
 
     /// Frames that wait for a label.

@@ -240,6 +240,12 @@ pub const MQTT_CONNECTED: Metric = gauge(
     &[],
     "1 while the broker of MQTT is connected, else 0. Only where there is one.",
 );
+/// Whether services hear each other.
+pub const NATS_CONNECTED: Metric = gauge(
+    "roomsight_nats_connected",
+    &[],
+    "1 while the server of NATS is connected, over which services tell each other of their robots, else 0. Only where there is one.",
+);
 /// The program.
 pub const BUILD_INFO: Metric = gauge("roomsight_build_info", &["version"], "1 for the program's version.");
 /// How long it has run.
@@ -253,7 +259,7 @@ pub const RESIDENT_MEMORY: Metric =
 pub const CPU: Metric =
     counter("process_cpu_seconds_total", &[], "Processor time of the process. Only on Linux.");
 
-pub const ALL: [&Metric; 41] = [
+pub const ALL: [&Metric; 42] = [
     &REQUESTS,
     &REQUEST_DURATION,
     &FRAMES,
@@ -290,6 +296,7 @@ pub const ALL: [&Metric; 41] = [
     &TRAINING_RUNNING,
     &WEBHOOKS,
     &MQTT_CONNECTED,
+    &NATS_CONNECTED,
     &BUILD_INFO,
     &UPTIME,
     &DRAINING,

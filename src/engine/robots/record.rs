@@ -367,6 +367,7 @@ impl RobotRecord {
         let last = place.last.as_ref();
         let lost_since = place.unknown_since.filter(|_| place.is_lost);
         RobotState {
+            service: None,
             who: self.who_by(known),
             via: if self.stream.is_some() { Via::Stream } else { Via::Rest },
             key: self.key().map(|key| key.name().to_owned()),

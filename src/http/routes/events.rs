@@ -3,13 +3,16 @@
 use crate::access::Key;
 use crate::http::App;
 use crate::http::openapi::ViewerProblems;
+use crate::problem::Problem;
 use axum::Extension;
-use axum::extract::State;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State};
 use axum::http::HeaderName;
 use axum::response::IntoResponse;
 use axum::response::sse::{self, KeepAlive, Sse};
 use futures_util::stream;
 use roomsight_protocol::event::Event;
+use roomsight_protocol::fleet::ScopeQuery;
 use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,16 +25,21 @@ pub const X_ACCEL_BUFFERING: HeaderName = HeaderName::from_static("x-accel-buffe
 /// What happens, as server-sent events
 ///
 /// One [`Event`] each, as JSON; the event's name is its `type`. A reader that is slow loses the oldest events
-/// and is told how many by an event `lost`. The stream ends when the service stops or the key is withdrawn.
+/// and is told how many by an event `lost`. Of other services (`scope=fleet`) all but answers is told. The stream ends when the service stops or the key is withdrawn.
 #[utoipa::path(
-    get, path = "/v1/events", tag = "dashboards", security(("key" = [])),
+    get, path = "/v1/events", tag = "dashboards", security(("key" = [])), params(ScopeQuery),
     responses(
         (status = OK, description = "Events until the caller leaves", body = Event, content_type = "text/event-stream"),
         ViewerProblems
     )
 )]
-pub async fn events(State(app): State<App>, key: Option<Extension<Arc<Key>>>) -> impl IntoResponse {
-    let reader = app.engine.events.subscribe();
+pub async fn events(
+    State(app): State<App>,
+    query: Result<Query<ScopeQuery>, QueryRejection>,
+    key: Option<Extension<Arc<Key>>>,
+) -> Result<impl IntoResponse, Problem> {
+    let Query(ScopeQuery { scope }) = query.map_err(|error| Problem::query(error.body_text()))?;
+    let reader = app.engine.events_of(scope).subscribe();
     let key = key.map(|Extension(key)| key);
     let events = stream::unfold((reader, app, key), async |(mut reader, app, key)| {
         let event = tokio::select! {
@@ -44,7 +52,7 @@ pub async fn events(State(app): State<App>, key: Option<Extension<Arc<Key>>>) ->
         }
         Some((Ok::<_, Infallible>(as_sent(&event)), (reader, app, key)))
     });
-    ([(X_ACCEL_BUFFERING, "no")], Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE)))
+    Ok(([(X_ACCEL_BUFFERING, "no")], Sse::new(events).keep_alive(KeepAlive::new().interval(KEEP_ALIVE))))
 }
 
 fn as_sent(event: &Event) -> sse::Event {

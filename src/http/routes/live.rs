@@ -4,13 +4,16 @@ use super::events::{KEEP_ALIVE, X_ACCEL_BUFFERING};
 use crate::access::Key;
 use crate::http::App;
 use crate::http::openapi::ViewerProblems;
+use crate::problem::Problem;
 use axum::Extension;
 use axum::body::{Body, Bytes};
-use axum::extract::State;
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State};
 use axum::http::header::CONTENT_TYPE;
 use axum::response::IntoResponse;
 use futures_util::stream;
 use roomsight_protocol::event::LiveUpdate;
+use roomsight_protocol::fleet::ScopeQuery;
 use std::convert::Infallible;
 use std::sync::Arc;
 use tokio::time::timeout;
@@ -21,19 +24,24 @@ use tokio::time::timeout;
 /// that changed. They are made once for all readers. One that is slow loses the oldest, and then hears all robots again
 /// and how many it lost. The events end when the service stops or the key is withdrawn.
 #[utoipa::path(
-    get, path = "/v1/live", tag = "dashboards", security(("key" = [])),
+    get, path = "/v1/live", tag = "dashboards", security(("key" = [])), params(ScopeQuery),
     responses(
         (status = OK, description = "Updates until the caller leaves", body = LiveUpdate,
             content_type = "text/event-stream"),
         ViewerProblems
     )
 )]
-pub async fn watch_robots(State(app): State<App>, key: Option<Extension<Arc<Key>>>) -> impl IntoResponse {
-    let reader = app.engine.live.subscribe();
+pub async fn watch_robots(
+    State(app): State<App>,
+    query: Result<Query<ScopeQuery>, QueryRejection>,
+    key: Option<Extension<Arc<Key>>>,
+) -> Result<impl IntoResponse, Problem> {
+    let Query(ScopeQuery { scope }) = query.map_err(|error| Problem::query(error.body_text()))?;
+    let reader = app.engine.live_of(scope).subscribe();
     let key = key.map(|Extension(key)| key);
-    let updates = stream::unfold((reader, app, key), async |(mut reader, app, key)| {
+    let updates = stream::unfold((reader, app, key, scope), async |(mut reader, app, key, scope)| {
         let event = tokio::select! {
-            event = timeout(KEEP_ALIVE, reader.next(&app.engine.robots)) => event,
+            event = timeout(KEEP_ALIVE, reader.next(app.engine.view(scope))) => event,
             () = app.engine.stopping.cancelled() => return None,
             () = app.engine.keyring.revoked(key.as_deref(), || None) => return None,
         };
@@ -46,7 +54,7 @@ pub async fn watch_robots(State(app): State<App>, key: Option<Extension<Arc<Key>
                 event.bytes
             }
         };
-        Some((Ok::<_, Infallible>(bytes), (reader, app, key)))
+        Some((Ok::<_, Infallible>(bytes), (reader, app, key, scope)))
     });
-    ([(CONTENT_TYPE, "text/event-stream")], [(X_ACCEL_BUFFERING, "no")], Body::from_stream(updates))
+    Ok(([(CONTENT_TYPE, "text/event-stream")], [(X_ACCEL_BUFFERING, "no")], Body::from_stream(updates)))
 }

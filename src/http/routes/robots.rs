@@ -1,5 +1,6 @@
 //! Who is there, for dashboards.
 
+use crate::engine::fleet::{Everybody, Other};
 use crate::engine::recognize::RecognizeError;
 use crate::engine::robots::RobotRecord;
 use crate::engine::thumbnails::{Thumbnail, ThumbnailKey};
@@ -17,22 +18,44 @@ use axum::http::header::{CACHE_CONTROL, CONTENT_TYPE, ETAG, IF_NONE_MATCH};
 use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::{IntoResponse, Response};
 use roomsight_protocol::event::{RobotInfo, RobotList};
+use roomsight_protocol::fleet::{Scope, ScopeQuery};
 use roomsight_protocol::inbox::WidthQuery;
+use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// The number of the frame that a picture shows.
 const X_FRAME: HeaderName = HeaderName::from_static("x-frame");
 /// Who is there
 ///
 /// All robots that stream or send requests under a name, those included whose connection broke, and for an hour those
-/// that left.
+/// that left. With `scope=fleet` also those of other services (the setting `nats`), as these last told of them, without their
+/// answers; a robot that several know is told of where it is connected.
 #[utoipa::path(
-    get, path = "/v1/robots", tag = "dashboards", security(("key" = [])),
+    get, path = "/v1/robots", tag = "dashboards", security(("key" = [])), params(ScopeQuery),
     responses((status = OK, description = "All robots", body = RobotList), ViewerProblems)
 )]
-pub async fn list_robots(State(app): State<App>) -> Json<RobotList> {
-    let robots = &app.engine.robots;
-    Json(RobotList { robots: robots.all().iter().map(|record| robots.info(record)).collect() })
+pub async fn list_robots(
+    State(app): State<App>,
+    query: Result<Query<ScopeQuery>, QueryRejection>,
+) -> Result<Json<RobotList>, Problem> {
+    let Query(ScopeQuery { scope }) = query.map_err(|error| Problem::query(error.body_text()))?;
+    let engine = &app.engine;
+    let Everybody { own, others } = match scope {
+        Scope::Service => Everybody { own: engine.robots.all(), others: BTreeMap::new() },
+        Scope::Fleet => engine.fleet.everybody(&engine.robots, Instant::now()),
+    };
+    let elsewhere = |other: Other| RobotInfo {
+        state: (*other.state).clone(),
+        mode: None,
+        streaming_s: None,
+        answers: Vec::new(),
+        ribbon: Vec::new(),
+    };
+    let mut robots: Vec<RobotInfo> = own.iter().map(|record| engine.robots.info(record)).collect();
+    robots.extend(others.into_values().map(elsewhere));
+    robots.sort_by(|one, other| one.state.who.id.cmp(&other.state.who.id));
+    Ok(Json(RobotList { robots }))
 }
 
 /// One robot
@@ -48,11 +71,15 @@ pub async fn show_robot(State(app): State<App>, Path(id): Path<String>) -> Resul
 }
 
 fn found(app: &App, id: &str) -> Result<Arc<RobotRecord>, Problem> {
-    app.engine.robots.find(id).ok_or_else(|| {
-        Problem::new(
-            Kind::NotFound,
-            format_args!("no robot {id:?} is known; GET /v1/robots lists those that are"),
-        )
+    let engine = &app.engine;
+    engine.robots.find(id).ok_or_else(|| {
+        let others = engine.fleet.everybody(&engine.robots, Instant::now()).others;
+        let service = others.get(id).and_then(|other| other.state.service.as_deref());
+        let why = match service {
+            Some(service) => format!("the robot {id:?} is at the service {service}, which tells more of it"),
+            None => format!("no robot {id:?} is known; GET /v1/robots lists those that are"),
+        };
+        Problem::new(Kind::NotFound, why)
     })
 }
 

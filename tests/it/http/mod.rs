@@ -6,6 +6,7 @@ mod calls;
 mod command;
 mod default_model;
 mod fair;
+mod fleet;
 mod kill;
 mod live;
 mod load;

@@ -58,10 +58,10 @@ class AsyncClient(ModelCalls, RobotCalls, ServiceCalls, AsyncCaller, AsyncClosin
         self.keys = AsyncKeys(self._http)
         self._events: WeakSet[AsyncEvents] = WeakSet()
 
-    async def events(self) -> AsyncEvents:
-        """What happens from now on."""
+    async def events(self, *, fleet: bool = False) -> AsyncEvents:
+        """What happens from now on; with ``fleet`` also, but for answers, at other services."""
         try:
-            response = await self._http.send(self._http.build_request(**calls.EVENTS_CALL), stream=True)
+            response = await self._http.send(self._http.build_request(**calls.events_call(fleet)), stream=True)
             if not response.is_success:
                 await response.aread()
         except httpx.HTTPError as error:

@@ -38,15 +38,19 @@ Archive = Union[bytes, "os.PathLike[str]", str]
 DEFAULT_URL = "http://127.0.0.1:8080"
 #: How long to wait for a connection or the answer to a call, in seconds.
 PATIENCE_S = 30.0
-#: The call for events, as arguments for httpx. They may be far between; a connection that is gone is found by the system.
-EVENTS_CALL: dict[str, Any] = {
-    "method": "GET",
-    "url": "/v1/events",
-    "timeout": httpx.Timeout(PATIENCE_S, read=None),
-}
 #: How long an upload may take, in seconds.
 UPLOAD_PATIENCE_S = 600.0
 _BINARY = {"Content-Type": "application/octet-stream"}
+
+
+def events_call(fleet: bool) -> dict[str, Any]:
+    """The request for events, as arguments for httpx. They may be far between; a connection that is gone is found by the system."""
+    return {"method": "GET", "url": "/v1/events", "params": scope(fleet), "timeout": httpx.Timeout(PATIENCE_S, read=None)}
+
+
+def scope(fleet: bool) -> dict[str, str]:
+    """Whose robots and events are asked for."""
+    return {"scope": "fleet"} if fleet else {}
 
 
 def check_url(url: str) -> str:

@@ -60,10 +60,10 @@ class Client(ModelCalls, RobotCalls, ServiceCalls, Caller, Closing):
         self.keys = Keys(self._http)
         self._events: WeakSet[Events] = WeakSet()
 
-    def events(self) -> Events:
-        """What happens from now on."""
+    def events(self, *, fleet: bool = False) -> Events:
+        """What happens from now on; with ``fleet`` also, but for answers, at other services."""
         try:
-            response = self._http.send(self._http.build_request(**calls.EVENTS_CALL), stream=True)
+            response = self._http.send(self._http.build_request(**calls.events_call(fleet)), stream=True)
             if not response.is_success:
                 response.read()
         except httpx.HTTPError as error:

@@ -13,9 +13,10 @@ class RobotCalls:
     """The calls about robots."""
 
     @Method
-    def robots(self) -> Steps[list[Robot]]:
-        """The robots that stream or send requests, and for an hour those that left."""
-        return (yield from ask(RobotList, "GET", "/v1/robots")).robots
+    def robots(self, *, fleet: bool = False) -> Steps[list[Robot]]:
+        """The robots that stream or send requests, and for an hour those that left; with ``fleet`` also those of other services, which
+        ``service`` names."""
+        return (yield from ask(RobotList, "GET", "/v1/robots", params=calls.scope(fleet))).robots
 
     @Method
     def robot(self, stream: str) -> Steps[Robot]:

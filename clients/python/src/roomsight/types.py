@@ -213,7 +213,7 @@ class Robot:
     """A robot that streams or sends requests; its room is the filter's where there is one, and one to act on where
     ``known``. ``lost``: its answers have been unknown for too long. ``stream``, ``mode`` and ``streaming_s`` are None
     where it sends requests. ``frame`` is the number of its last frame, where the service keeps it; ``ribbon`` where it was in the last ten
-    minutes: ``room``, ``known``, and ``from`` and ``until`` as RFC 3339."""
+    minutes: ``room``, ``known``, and ``from`` and ``until`` as RFC 3339. ``service`` is where a robot of another service is."""
 
     id: str
     via: str
@@ -225,6 +225,7 @@ class Robot:
     answers: list[PastAnswer]
     robot: Optional[str] = None
     stream: Optional[str] = None
+    service: Optional[str] = None
     mode: Optional[str] = None
     streaming_s: Optional[float] = None
     key: Optional[str] = None

@@ -60,7 +60,8 @@ export function RobotCard({ entry, every }: { entry: Entry; every: number }) {
           </a>
         </h2>
         <StateBadge robot={robot} />
-        {robot.room && robot.connected && (
+        {robot.service && <Badge>{robot.service}</Badge>}
+        {robot.room && robot.connected && !robot.service && (
           <WrongButton
             frame={() => fetchFrame(robot.id)}
             answer={{ ...robot, room: robot.room }}

@@ -41,6 +41,7 @@ export function Numbers({ robot, info }: { robot: Robot; info: RobotInfo | undef
   const rows: [string, string | undefined | null][] = [
     [numbers.model, robot.model && `${robot.model.name}/${robot.model.version}`],
     [numbers.via, robot.via === "rest" ? text.viaRest : text.viaStream],
+    [numbers.service, robot.service],
     [numbers.key, robot.key],
     [numbers.mode, info?.mode],
     [numbers.streaming, info?.streaming_s ? duration(info.streaming_s) : undefined],

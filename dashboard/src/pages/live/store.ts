@@ -139,7 +139,7 @@ export function follow(): () => void {
   let isFirst = true;
   lostEvents.value = 0;
   const stop = openFeed({
-    path: "v1/live",
+    path: "v1/live?scope=fleet",
     events: {
       live: (data) => {
         take(data as LiveMessage, isFirst);

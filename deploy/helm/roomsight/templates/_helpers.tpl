@@ -26,6 +26,7 @@ models = {{ toJson .Values.models }}
 models_cache = "/var/cache/roomsight"
 # What people teach lies in a database of one service; replicas share none.
 data = ""
+nats = {{ toJson .Values.nats }}
 threads = {{ int .Values.threads }}
 drain_timeout_ms = {{ mul (int .Values.stopping.drainSeconds) 1000 }}
 {{- end -}}
