@@ -17,6 +17,10 @@ fn read(engine: &Engine) -> String {
     let mut readings = Readings::default();
     let load = engine.pool.load();
     let body_bytes = engine.settings.max_buffered_bytes - engine.body_memory.available_permits();
+    let n_event_readers = engine.events.n_readers()
+        + engine.live.n_readers()
+        + engine.fleet.events.n_readers()
+        + engine.fleet_live.n_readers();
     for (metric, value) in [
         (&catalog::QUEUE_DEPTH, load.n_waiting),
         (&catalog::SLOTS, load.n_slots),
@@ -24,10 +28,7 @@ fn read(engine: &Engine) -> String {
         (&catalog::THREADS, load.n_threads),
         (&catalog::THREADS_BUSY, load.n_running),
         (&catalog::BODY_BYTES, body_bytes),
-        (
-            &catalog::EVENT_READERS,
-            engine.events.n_readers() + engine.live.n_readers() + engine.fleet_live.n_readers(),
-        ),
+        (&catalog::EVENT_READERS, n_event_readers),
         (&catalog::LIVE_FRAME_BYTES, engine.robots.frames().n_bytes()),
         (&catalog::TRAINING_RUNNING, usize::from(engine.metrics.beside().is_training())),
         (&catalog::DRAINING, usize::from(engine.is_draining())),

@@ -8,7 +8,8 @@ mod targets;
 use image::{DynamicImage, ImageFormat, Luma, Rgb};
 use rand::{Rng, SeedableRng};
 use roomsight::repository::package;
-use roomsight_lab::dataset::{self, Part};
+use roomsight_lab::dataset;
+use roomsight_lab::part::Part;
 use roomsight_recognition::classify::{boost, svm};
 use roomsight_recognition::model::{
     CarriedNetwork, Classifier, Config, Extractor, GoldenFrame, Model, Networks, PatternsConfig,

@@ -30,7 +30,7 @@ mod tree;
 pub use describe::{Copied, Described};
 pub use error::{DatasetError, Problem, ProblemKind, by_kind};
 pub use look::{Look, near_pairs};
-pub use shard::{Part, PartError, Shard, ShardError};
+pub use shard::{Shard, ShardError};
 pub use tree::Tree;
 
 use roomsight_recognition::model::ELSEWHERE;

@@ -283,6 +283,7 @@ async fn all_that_is_documented_is_told_and_nothing_else() {
     let settings = Settings {
         models: folder.path().to_owned(),
         mqtt: "mqtt://127.0.0.1:1".into(),
+        nats: "nats://127.0.0.1:1".into(),
         ..Settings::default()
     };
     let server = Server::of(settings).await;

@@ -43,9 +43,8 @@ def describe(
 
     Parts that are there already are kept. By default there are four for each thread of the cluster, so that none waits long for the last.
     """
-    count = n_parts or 4 * _n_threads(cluster)
-    names = [f"{number}/{count}" for number in range(1, count + 1)]
-    calls = [functools.partial(program.run, "describe", data, output=output, part=name, **options) for name in names]
+    parts = _parts(cluster, n_parts)
+    calls = [functools.partial(program.run, "describe", data, output=output, part=part, **options) for part in parts]
     return _run(cluster, calls, progress)
 
 
@@ -96,16 +95,17 @@ def experiment(
 ) -> dict[str, Any]:
     """An experiment of the papers, or ``all``, into the folder ``report``: its cells as tasks, then the report in one more; what
     ``roomsight experiment --json`` tells."""
-    count = n_parts or 4 * _n_threads(cluster)
-    names = [f"{number}/{count}" for number in range(1, count + 1)]
-    calls = [functools.partial(program.command, "experiment", name, data=data, report=report, part=part, **options) for part in names]
-    _run(cluster, calls, progress)
-    made: dict[str, Any] = _run(cluster, [functools.partial(program.run, "experiment", name, data=data, report=report, **options)], None)[0]
+    options = {"data": data, "report": report, **options}
+    parts = _parts(cluster, n_parts)
+    _run(cluster, [functools.partial(program.command, "experiment", name, part=part, **options) for part in parts], progress)
+    made: dict[str, Any] = _run(cluster, [functools.partial(program.run, "experiment", name, **options)], None)[0]
     return made
 
 
-def _n_threads(cluster: Client) -> int:
-    return max(1, sum(cluster.nthreads().values()))
+def _parts(cluster: Client, n_parts: Optional[int]) -> list[str]:
+    """The parts of a work, as the command line has them: four for each thread of the cluster, unless it is said how many."""
+    count = n_parts or 4 * max(1, sum(cluster.nthreads().values()))
+    return [f"{number}/{count}" for number in range(1, count + 1)]
 
 
 def _run(cluster: Client, calls: Sequence[Callable[[], Any]], progress: Optional[TaskProgress]) -> list[Any]:

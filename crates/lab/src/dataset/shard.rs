@@ -8,18 +8,16 @@ mod tests;
 
 use super::describe::Read;
 use super::{Dataset, DatasetError, Format, Frame, Look, Pose, Problem, files};
+use crate::part::Part;
 use roomsight_recognition::model::{
     Extractor, FeaturesError, Looked, Sample, features_from_bytes, features_to_bytes,
 };
 use roomsight_vision::camera::{CameraKind, Projection};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
-use std::fmt;
+use std::collections::{BTreeSet, HashMap};
 use std::fs;
 use std::io;
-use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 use std::sync::Arc;
 
 /// The last version of the layout.
@@ -31,64 +29,10 @@ const ENDING: &str = ".frames.json";
 /// The longest of these files, in bytes.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// One of several parts of a work, counted from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(try_from = "[usize; 2]", into = "[usize; 2]")]
-pub struct Part {
-    number: usize,
-    of: usize,
-}
-
-/// Text or numbers that name no part.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("a part is NUMBER/OF, counted from 1, such as 2/8, of up to {}", Part::MAX)]
-pub struct PartError;
-
-impl Part {
-    /// The most parts.
-    pub const MAX: usize = 100_000;
-    /// All of it.
-    pub const WHOLE: Self = Self { number: 1, of: 1 };
-
-    /// Which of so many items in a row belong to it: as many as to the others, or one more.
-    pub fn range(self, n_items: usize) -> Range<usize> {
-        let bound = |number: usize| number * n_items / self.of;
-        bound(self.number - 1)..bound(self.number)
-    }
-
-    fn file_name(self) -> String {
-        format!("part-{}-of-{}{ENDING}", self.number, self.of)
-    }
-}
-
-impl TryFrom<[usize; 2]> for Part {
-    type Error = PartError;
-
-    fn try_from([number, of]: [usize; 2]) -> Result<Self, PartError> {
-        if (1..=of).contains(&number) && of <= Self::MAX { Ok(Self { number, of }) } else { Err(PartError) }
-    }
-}
-
-impl From<Part> for [usize; 2] {
-    fn from(part: Part) -> Self {
-        [part.number, part.of]
-    }
-}
-
-impl FromStr for Part {
-    type Err = PartError;
-
-    fn from_str(text: &str) -> Result<Self, PartError> {
-        let (number, of) = text.split_once('/').ok_or(PartError)?;
-        let parse = |text: &str| text.trim().parse::<usize>().map_err(|_| PartError);
-        [parse(number)?, parse(of)?].try_into()
-    }
-}
-
-impl fmt::Display for Part {
-    fn fmt(&self, formatter: &mut fmt::Formatter) -> fmt::Result {
-        write!(formatter, "{}/{}", self.number, self.of)
-    }
+/// The file with the frames of a part.
+fn file_name(part: Part) -> String {
+    let [number, of] = part.into();
+    format!("part-{number}-of-{of}{ENDING}")
 }
 
 /// A part that was described.
@@ -286,16 +230,9 @@ pub(super) fn read(folder: &Path, paths: &[PathBuf]) -> Result<Dataset, DatasetE
 
 /// Parts of those that others say there are.
 fn missing(dataset: &Dataset) -> Vec<String> {
-    let mut missing = Vec::new();
-    let is_there = |number, of| dataset.shards.iter().any(|shard| shard.part == Part { number, of });
-    let mut counts: Vec<usize> = dataset.shards.iter().map(|shard| shard.part.of).collect();
-    counts.sort_unstable();
-    counts.dedup();
-    for of in counts {
-        let absent = (1..=of).filter(|&number| !is_there(number, of));
-        missing.extend(absent.map(|number| Part { number, of }.to_string()));
-    }
-    missing
+    let parts: BTreeSet<Part> = dataset.shards.iter().map(|shard| shard.part).collect();
+    let siblings: BTreeSet<Part> = parts.iter().flat_map(|part| part.siblings()).collect();
+    siblings.difference(&parts).map(ToString::to_string).collect()
 }
 
 impl Dataset {
@@ -354,7 +291,7 @@ impl Dataset {
 
     /// The part that lies in a folder already, described by this extractor from these frames.
     pub fn described_part(&self, part: Part, extractor: &Extractor, folder: &Path) -> Option<Shard> {
-        let shard = Shard::read(&folder.join(part.file_name())).ok()?;
+        let shard = Shard::read(&folder.join(file_name(part))).ok()?;
         (shard.key == self.part_key(extractor) && shard.features_path().is_file()).then_some(shard)
     }
 
@@ -429,7 +366,7 @@ impl Dataset {
             folder: folder.to_owned(),
         };
         fs::create_dir_all(folder).map_err(io(folder))?;
-        let path = folder.join(part.file_name());
+        let path = folder.join(file_name(part));
         let before = Shard::read(&path).ok();
         put(&shard.features_path(), &features).map_err(io(&shard.features_path()))?;
         put(&path, &serde_json::to_vec(&shard)?).map_err(io(&path))?;

@@ -5,7 +5,8 @@ use super::{
     Cache, Cell, Drive, Drives, ExperimentError, Matches, Measured, Occlusion, Plan, Rates, Split, Work,
     cost, stability,
 };
-use crate::dataset::{Described, Part};
+use crate::dataset::Described;
+use crate::part::Part;
 use crate::validate;
 use rayon::prelude::*;
 use roomsight_recognition::model::{Config, Model, OpinionConfig, Sample};

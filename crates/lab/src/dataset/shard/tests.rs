@@ -164,15 +164,3 @@ fn a_part_is_kept_until_something_of_it_changes() {
     assert!(is_there(&extractor()));
     assert_eq!(n_files(), 2);
 }
-
-#[test]
-fn parts_have_numbers() {
-    for wrong in ["", "1", "0/3", "4/3", "1/0", "-1/3", "1/2/3", "a/b", "1/100001"] {
-        assert_eq!(wrong.parse::<Part>(), Err(PartError), "{wrong}");
-    }
-    assert_eq!(part("2/3").to_string(), "2/3");
-    let pictures = pictures();
-    let of = |number: usize| open(pictures.path()).unwrap().with_part(Part::try_from([number, 5]).unwrap());
-    let sizes: Vec<usize> = (1..=5).map(|number| of(number).frames.len()).collect();
-    assert_eq!(sizes, [2, 3, 3, 3, 3]);
-}
