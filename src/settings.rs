@@ -314,22 +314,6 @@ impl Settings {
         Ok(names)
     }
 
-    /// What this service is called in its fleet; `None` where the system gives no random numbers.
-    pub fn name_in_fleet(&self) -> Option<String> {
-        let own = Some(self.service_name.clone()).filter(|name| !name.is_empty());
-        let of_machine = || {
-            let name = std::env::var("HOSTNAME").ok()?;
-            let port = self.listen.rsplit(':').next()?;
-            Some(format!("{name}-{port}").replace(|c: char| !outside::is_usual(c), "-"))
-                .filter(|_| !name.is_empty())
-        };
-        own.or_else(of_machine).or_else(|| {
-            let mut random = [0; 4];
-            getrandom::fill(&mut random).ok()?;
-            Some(format!("service-{:08x}", u32::from_be_bytes(random)))
-        })
-    }
-
     /// Whether there is a data directory.
     pub fn keeps_data(&self) -> bool {
         !self.data.as_os_str().is_empty()

@@ -46,6 +46,21 @@ impl Settings {
         }
         Ok(())
     }
+
+    /// What this service is called in its fleet; `None` where the system gives no random numbers.
+    pub fn name_in_fleet(&self) -> Option<String> {
+        let own = Some(self.service_name.clone()).filter(|name| !name.is_empty());
+        let of_machine = || {
+            let name = std::env::var("HOSTNAME").ok()?;
+            let port = self.listen.rsplit(':').next()?;
+            Some(format!("{name}-{port}").replace(|c: char| !is_usual(c), "-")).filter(|_| !name.is_empty())
+        };
+        own.or_else(of_machine).or_else(|| {
+            let mut random = [0; 4];
+            getrandom::fill(&mut random).ok()?;
+            Some(format!("service-{:08x}", u32::from_be_bytes(random)))
+        })
+    }
 }
 
 /// Whether it is a part of a subject of NATS.
@@ -54,17 +69,14 @@ fn is_token(text: &str) -> bool {
 }
 
 /// What parts of subjects are made of.
-pub(super) fn is_usual(c: char) -> bool {
+fn is_usual(c: char) -> bool {
     c.is_ascii_alphanumeric() || matches!(c, '-' | '_')
 }
 
 const TOPIC: &str = "it must be the beginning of a topic, such as roomsight or home/roomsight";
 
 fn is_topic(text: &str) -> bool {
-    let is_part = |part: &str| {
-        let is_usual = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
-        !part.is_empty() && part.chars().all(is_usual)
-    };
+    let is_part = |part: &str| !part.is_empty() && part.chars().all(|c| is_usual(c) || c == '.');
     text.len() <= MAX_TOPIC_BYTES && text.split('/').all(is_part)
 }
 
