@@ -6,6 +6,7 @@ use roomsight_protocol::header::Header;
 use roomsight_protocol::stream::{Configure, DropReason, Hello, ServerMessage};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
+use tokio::task::JoinSet;
 use tokio::time::{sleep, timeout_at};
 
 /// The longest wait before the second try; it doubles from try to try.
@@ -41,6 +42,8 @@ pub struct LastingStream {
     pinged: Instant,
     /// Since the last message that was no `hello`.
     trouble: Option<Trouble>,
+    /// The try to go on that is under way. It goes on where the caller stops waiting, and ends with the stream.
+    attempt: JoinSet<Result<Stream, ClientError>>,
 }
 
 /// A service that is out of reach, or lets streams begin and no more.
@@ -70,6 +73,7 @@ impl LastingStream {
             lost: VecDeque::new(),
             pinged: Instant::now(),
             trouble: None,
+            attempt: JoinSet::new(),
         })
     }
 
@@ -84,6 +88,7 @@ impl LastingStream {
     /// The service cannot be reached for too long, or refuses the stream.
     pub async fn send(&mut self, frame: &[u8], captured_at_ns: Option<u64>) -> Result<u64, ClientError> {
         loop {
+            self.arrive().await?;
             let header = Header { seq: self.next_seq, captured_at_ns };
             // It may have been sent even where that failed.
             self.unanswered.push_back(header.seq);
@@ -93,7 +98,7 @@ impl LastingStream {
                 Err(error) => {
                     // This frame goes out again, under another number: nobody is to hear of this one.
                     self.unanswered.pop_back();
-                    self.go_on(error).await?;
+                    self.try_again(error)?;
                 }
             }
         }
@@ -105,10 +110,13 @@ impl LastingStream {
     /// The service cannot be reached for too long, or refuses the stream.
     pub async fn configure(&mut self, change: &Configure) -> Result<(), ClientError> {
         self.configure = together(self.configure.clone(), change.clone());
-        while let Err(error) = self.stream.configure(change).await {
-            self.go_on(error).await?;
+        loop {
+            self.arrive().await?;
+            match self.stream.configure(change).await {
+                Ok(()) => return Ok(()),
+                Err(error) => self.try_again(error)?,
+            }
         }
-        Ok(())
     }
 
     /// The next message.
@@ -117,6 +125,7 @@ impl LastingStream {
     /// The service cannot be reached for too long, or refuses the stream.
     pub async fn receive(&mut self) -> Result<ServerMessage, ClientError> {
         loop {
+            self.arrive().await?;
             if let Some(seq) = self.next_lost() {
                 return Ok(ServerMessage::Dropped { seq, reason: DropReason::Lost });
             }
@@ -128,7 +137,7 @@ impl LastingStream {
                         return Ok(message);
                     }
                 }
-                Err(error) => self.go_on(error).await?,
+                Err(error) => self.try_again(error)?,
             }
         }
     }
@@ -163,26 +172,39 @@ impl LastingStream {
         true
     }
 
-    /// Goes on with the stream after this error, if that passes.
-    async fn go_on(&mut self, mut error: ClientError) -> Result<(), ClientError> {
-        while may_pass(&error) {
-            let trouble = self.trouble.get_or_insert_with(Trouble::begin);
-            let wait = some_of(trouble.longest_wait);
-            trouble.longest_wait = (trouble.longest_wait * 2).min(LONGEST_WAIT);
-            if trouble.began.elapsed() + wait > self.patience {
-                break;
-            }
+    /// Begins a try to go on with the stream after this error, if that passes.
+    fn try_again(&mut self, error: ClientError) -> Result<(), ClientError> {
+        if !may_pass(&error) {
+            return Err(error);
+        }
+        let trouble = self.trouble.get_or_insert_with(Trouble::begin);
+        let wait = some_of(trouble.longest_wait);
+        trouble.longest_wait = (trouble.longest_wait * 2).min(LONGEST_WAIT);
+        if trouble.began.elapsed() + wait > self.patience {
+            return Err(error);
+        }
+        let (client, point, configure) =
+            (self.client.clone(), self.stream.resume_point(), self.configure.clone());
+        self.attempt.spawn(async move {
             sleep(wait).await;
-            match Stream::resume(&self.client, &self.stream.resume_point(), &self.configure).await {
+            Stream::resume(&client, &point, &configure).await
+        });
+        Ok(())
+    }
+
+    /// Goes on with the stream where a try to is under way, once one succeeds.
+    async fn arrive(&mut self) -> Result<(), ClientError> {
+        while let Some(tried) = self.attempt.join_next().await {
+            // A task that was ended has opened nothing.
+            match tried.unwrap_or(Err(ClientError::Late)) {
                 Ok(stream) => {
                     self.stream = stream;
                     self.give_up_unknown();
-                    return Ok(());
                 }
-                Err(again) => error = again,
+                Err(error) => self.try_again(error)?,
             }
         }
-        Err(error)
+        Ok(())
     }
 
     /// Gives up the frames that the service does not know: of those before its next number it tells by itself.
