@@ -77,11 +77,13 @@ pub(super) fn run(args: &DescribeArgs) -> anyhow::Result<()> {
     if dataset.frames.is_empty() {
         bail!("part {} of {n_frames} frames is empty: make fewer parts", args.part);
     }
-    let before = dataset.described_part(args.part, &extractor, &args.output);
+    // Before they are read: of a picture that changes meanwhile it is not known which one was seen.
+    let key = dataset.part_key(&extractor);
+    let before = Shard::find(&args.output, args.part, &key);
     let was_there = before.is_some();
     let shard = match before {
         Some(shard) => shard,
-        None => described(args, &dataset, &extractor)?,
+        None => described(args, &dataset, key, &extractor)?,
     };
     if args.json {
         let (output, n_frames) = (args.output.clone(), shard.n_frames());
@@ -97,9 +99,14 @@ pub(super) fn run(args: &DescribeArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
-fn described(args: &DescribeArgs, dataset: &Dataset, extractor: &Extractor) -> anyhow::Result<Shard> {
+fn described(
+    args: &DescribeArgs,
+    dataset: &Dataset,
+    key: String,
+    extractor: &Extractor,
+) -> anyhow::Result<Shard> {
     let described = data::describe(dataset, extractor, &args.limits.limits())?;
-    let shard = dataset.write_part(args.part, &described, extractor, &args.output)?;
+    let shard = dataset.write_part(args.part, key, &described, extractor, &args.output)?;
     if data::is_simulated(&args.data.data) {
         let marker = args.output.join(MARKER_FILE);
         fs::write(&marker, "Described from simulated frames.\n")

@@ -7,7 +7,9 @@ use anyhow::bail;
 use clap::Args;
 use roomsight_lab::check::other_camera;
 use roomsight_protocol::rest::NearestFrame;
-use roomsight_recognition::model::{Features, Model, NearFrame, PoseEstimate, Recognition, Scratch, Unknown};
+use roomsight_recognition::model::{
+    Features, Model, N_NEAREST, NearFrame, PoseEstimate, Recognition, Scratch, Unknown, by_probability,
+};
 use serde::Serialize;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -33,9 +35,6 @@ pub(super) struct RecognizeArgs {
     #[arg(long)]
     json: bool,
 }
-
-/// The training frames of each opinion that are told.
-const N_NEAREST: usize = 3;
 
 /// One line of `--json`.
 #[derive(Serialize)]
@@ -160,10 +159,8 @@ fn nearest(model: &Model, features: &Features) -> Vec<NearestFrame> {
 }
 
 fn line<'a>(model: &'a Model, frame: &'a Path, recognition: &Recognition, top: usize) -> Line<'a> {
-    let rooms = model.rooms().iter().map(String::as_str);
-    let mut probabilities: Vec<(&str, f32)> = rooms.zip(recognition.probabilities.iter().copied()).collect();
-    probabilities.sort_by(|a, b| b.1.total_cmp(&a.1));
-    probabilities.truncate(top);
+    let room = |idx: usize| (model.rooms()[idx].as_str(), recognition.probabilities[idx]);
+    let probabilities = by_probability(&recognition.probabilities, Some(top)).into_iter().map(room).collect();
     Line {
         frame,
         room: &model.rooms()[recognition.room_idx],

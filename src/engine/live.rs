@@ -26,6 +26,16 @@ pub struct View<'a> {
     pub fleet: Option<&'a Fleet>,
 }
 
+impl View<'_> {
+    /// Everybody that it shows.
+    pub fn everybody(&self, now: Instant) -> Everybody {
+        match self.fleet {
+            Some(fleet) => fleet.everybody(self.robots, now),
+            None => Everybody { own: self.robots.all(), others: BTreeMap::new() },
+        }
+    }
+}
+
 /// Where updates are told, and who reads them.
 pub struct Live {
     updates: broadcast::Sender<Bytes>,
@@ -119,16 +129,15 @@ enum Known {
 
 impl Told {
     /// What they do not know yet, if there is anything.
-    pub fn update(&mut self, View { robots, fleet }: View<'_>) -> Option<LiveUpdate> {
+    pub fn update(&mut self, view: View<'_>) -> Option<LiveUpdate> {
         let now = Instant::now();
-        let alone = || Everybody { own: robots.all(), others: BTreeMap::new() };
-        let Everybody { own, others } = fleet.map_or_else(alone, |fleet| fleet.everybody(robots, now));
+        let Everybody { own, others } = view.everybody(now);
         let mut known = BTreeMap::new();
         let mut changed = Vec::new();
         for record in own {
             // Before the state, so that what changes between is told twice and not never.
             let revision = record.revision(now);
-            let state = || robots.state(&record);
+            let state = || view.robots.state(&record);
             let id = record.id();
             if !matches!(self.0.get(&id), Some(Known::Own(told)) if *told == revision) {
                 changed.push(state());

@@ -11,7 +11,9 @@ use crate::engine::timings::Timings;
 use crate::engine::told::{by_probability, unknown};
 use crate::problem::{Kind, Problem};
 use roomsight_protocol::training::PublishedVersion;
-use roomsight_recognition::model::{Evidence, Looking, NearFrame, PoseEstimate, Recognition, Scratch};
+use roomsight_recognition::model::{
+    Evidence, Looking, N_NEAREST, NearFrame, PoseEstimate, Recognition, Scratch,
+};
 use roomsight_vision::image::{Image, ImageError};
 use std::cell::Cell;
 use std::sync::{Arc, Weak};
@@ -93,9 +95,6 @@ pub struct Reasons {
     /// Where it was taken, of models that have learned poses.
     pub pose: Option<PoseEstimate>,
 }
-
-/// The training frames of each opinion that are told.
-const N_NEAREST: usize = 3;
 
 /// Why a frame got no answer.
 #[derive(Debug, thiserror::Error, PartialEq, Eq)]

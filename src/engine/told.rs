@@ -16,9 +16,6 @@ pub fn unknown(why: model::Unknown) -> Unknown {
 
 /// The `top` most probable rooms, or all, the most probable first.
 pub fn by_probability(rooms: &[String], probabilities: &[f32], top: Option<usize>) -> Vec<RoomProbability> {
-    let mut order: Vec<usize> = (0..probabilities.len()).collect();
-    order.sort_by(|&a, &b| probabilities[b].total_cmp(&probabilities[a]));
-    order.truncate(top.unwrap_or(usize::MAX));
     let room = |idx: usize| RoomProbability { room: rooms[idx].clone(), probability: probabilities[idx] };
-    order.into_iter().map(room).collect()
+    model::by_probability(probabilities, top).into_iter().map(room).collect()
 }

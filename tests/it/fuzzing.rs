@@ -57,7 +57,7 @@ fn described() -> Vec<Vec<u8>> {
     }
     let (dataset, extractor) = (dataset::open(&pictures).unwrap(), targets::described_by());
     let described = dataset.describe(&extractor, &Limits::default(), || ());
-    dataset.write_part(Part::WHOLE, &described, &extractor, &parts).unwrap();
+    dataset.write_part(Part::WHOLE, dataset.part_key(&extractor), &described, &extractor, &parts).unwrap();
     fs::read_dir(&parts).unwrap().map(|entry| fs::read(entry.unwrap().path()).unwrap()).collect()
 }
 

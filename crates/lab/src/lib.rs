@@ -11,6 +11,7 @@
 mod cold_layout;
 
 pub mod part;
+mod whole_file;
 
 pub mod dataset;
 pub mod evaluate;

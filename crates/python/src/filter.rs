@@ -3,7 +3,7 @@
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use roomsight_recognition::filter::{RoomFilter, Trust};
-use roomsight_recognition::model::{Model, Recognition};
+use roomsight_recognition::model::{self, Model, Recognition};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The belief about where a robot is, for frames of one model.
@@ -64,9 +64,6 @@ impl Filter {
 
 /// The `top` most probable rooms, or all, the most probable first.
 pub fn by_probability(rooms: &[String], probabilities: &[f32], top: Option<usize>) -> Vec<RoomProbability> {
-    let room = |(room, &probability): (&String, &f32)| RoomProbability { room: room.clone(), probability };
-    let mut sorted: Vec<RoomProbability> = rooms.iter().zip(probabilities).map(room).collect();
-    sorted.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    sorted.truncate(top.unwrap_or(usize::MAX));
-    sorted
+    let room = |idx: usize| RoomProbability { room: rooms[idx].clone(), probability: probabilities[idx] };
+    model::by_probability(probabilities, top).into_iter().map(room).collect()
 }

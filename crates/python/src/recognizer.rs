@@ -6,15 +6,12 @@ use crate::frame::Frame;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use roomsight_recognition::model::{
-    LoadedModel, Model, NearFrame, PoseEstimate, Recognition, Scratch, Unknown,
+    LoadedModel, Model, N_NEAREST, NearFrame, PoseEstimate, Recognition, Scratch, Unknown,
 };
 use roomsight_vision::image::Image;
 use roomsight_vision::network::Runtime;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
-
-/// So many training frames of each opinion are told, as the service does.
-const N_NEAREST: usize = 3;
 
 /// A model that recognizes frames; several threads may use it at the same time.
 #[pyclass(frozen, module = "roomsight._core")]

@@ -67,7 +67,7 @@ pub use folder::{
 };
 pub use golden::{GOLDEN_FOLDER, GoldenFrame};
 pub use looking::Looking;
-pub use nearest::NearFrame;
+pub use nearest::{N_NEAREST, NearFrame};
 pub use pose::{Pose, PoseEstimate};
 pub use sample::{ELSEWHERE, Sample};
 pub use training::{HeldOut, Training, TrainingStep};
@@ -154,6 +154,14 @@ impl Recognition {
     pub fn probability(&self) -> f32 {
         self.probabilities[self.room_idx]
     }
+}
+
+/// The rooms of these probabilities, the most probable first: all, or the first `top`.
+pub fn by_probability(probabilities: &[f32], top: Option<usize>) -> Vec<usize> {
+    let mut order: Vec<usize> = (0..probabilities.len()).collect();
+    order.sort_by(|&a, &b| probabilities[b].total_cmp(&probabilities[a]));
+    order.truncate(top.unwrap_or(usize::MAX));
+    order
 }
 
 /// One keypoint's share in an answer.

@@ -20,7 +20,6 @@ use axum::response::{IntoResponse, Response};
 use roomsight_protocol::event::{RobotInfo, RobotList};
 use roomsight_protocol::fleet::{Scope, ScopeQuery};
 use roomsight_protocol::inbox::WidthQuery;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -41,10 +40,7 @@ pub async fn list_robots(
 ) -> Result<Json<RobotList>, Problem> {
     let Query(ScopeQuery { scope }) = query.map_err(|error| Problem::query(error.body_text()))?;
     let engine = &app.engine;
-    let Everybody { own, others } = match scope {
-        Scope::Service => Everybody { own: engine.robots.all(), others: BTreeMap::new() },
-        Scope::Fleet => engine.fleet.everybody(&engine.robots, Instant::now()),
-    };
+    let Everybody { own, others } = engine.view(scope).everybody(Instant::now());
     let elsewhere = |other: Other| RobotInfo {
         state: (*other.state).clone(),
         mode: None,
@@ -73,7 +69,7 @@ pub async fn show_robot(State(app): State<App>, Path(id): Path<String>) -> Resul
 fn found(app: &App, id: &str) -> Result<Arc<RobotRecord>, Problem> {
     let engine = &app.engine;
     engine.robots.find(id).ok_or_else(|| {
-        let others = engine.fleet.everybody(&engine.robots, Instant::now()).others;
+        let others = engine.view(Scope::Fleet).everybody(Instant::now()).others;
         let service = others.get(id).and_then(|other| other.state.service.as_deref());
         let why = match service {
             Some(service) => format!("the robot {id:?} is at the service {service}, which tells more of it"),

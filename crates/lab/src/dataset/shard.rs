@@ -9,6 +9,7 @@ mod tests;
 use super::describe::Read;
 use super::{Dataset, DatasetError, Format, Frame, Look, Pose, Problem, files};
 use crate::part::Part;
+use crate::whole_file;
 use roomsight_recognition::model::{
     Extractor, FeaturesError, Looked, Sample, features_from_bytes, features_to_bytes,
 };
@@ -108,14 +109,15 @@ pub enum ShardError {
 }
 
 impl Shard {
+    /// The part of this number that lies in a folder already, if it was made of what the key says.
+    pub fn find(folder: &Path, part: Part, key: &str) -> Option<Self> {
+        let shard = Self::read(&folder.join(file_name(part))).ok()?;
+        (shard.key == key && shard.features_path().is_file()).then_some(shard)
+    }
+
     /// How many frames it holds.
     pub fn n_frames(&self) -> usize {
         self.frames.len()
-    }
-
-    /// How its frames project.
-    pub fn projection(&self) -> &Projection {
-        &self.projection
     }
 
     fn read(path: &Path) -> Result<Self, String> {
@@ -289,14 +291,8 @@ impl Dataset {
         before
     }
 
-    /// The part that lies in a folder already, described by this extractor from these frames.
-    pub fn described_part(&self, part: Part, extractor: &Extractor, folder: &Path) -> Option<Shard> {
-        let shard = Shard::read(&folder.join(file_name(part))).ok()?;
-        (shard.key == self.part_key(extractor) && shard.features_path().is_file()).then_some(shard)
-    }
-
-    /// A digest of what a part is made of.
-    fn part_key(&self, extractor: &Extractor) -> String {
+    /// A digest of what a part is made of: the frames as they are now, their labels, how they are looked at.
+    pub fn part_key(&self, extractor: &Extractor) -> String {
         let mut digest = blake3::Hasher::new();
         let frames = self.frames.iter().map(|frame| {
             let changed = fs::metadata(&frame.path)
@@ -312,13 +308,14 @@ impl Dataset {
     }
 
     /// Writes what `extractor` saw of the frames of a part into a folder, which is made where it is not there. A part of the same
-    /// number that was there is replaced.
+    /// number that was there is replaced. `key` is their [`Dataset::part_key`] from before they were described.
     ///
     /// # Errors
     /// What the system says.
     pub fn write_part(
         &self,
         part: Part,
+        key: String,
         described: &super::Described,
         extractor: &Extractor,
         folder: &Path,
@@ -354,7 +351,7 @@ impl Dataset {
         let shard = Shard {
             version: VERSION,
             part,
-            key: self.part_key(extractor),
+            key,
             looked: Looked::of(extractor),
             projection: extractor.camera().projection,
             root,
@@ -368,8 +365,8 @@ impl Dataset {
         fs::create_dir_all(folder).map_err(io(folder))?;
         let path = folder.join(file_name(part));
         let before = Shard::read(&path).ok();
-        put(&shard.features_path(), &features).map_err(io(&shard.features_path()))?;
-        put(&path, &serde_json::to_vec(&shard)?).map_err(io(&path))?;
+        whole_file::put(&shard.features_path(), &features).map_err(io(&shard.features_path()))?;
+        whole_file::put(&path, &serde_json::to_vec(&shard)?).map_err(io(&path))?;
         if let Some(before) = before.filter(|before| before.features != shard.features) {
             // Nobody names it any more; one that stays does no harm.
             let _ = fs::remove_file(before.features_path());
@@ -381,18 +378,4 @@ impl Dataset {
 /// The path from the root of the file system, where the system can tell.
 fn absolute(path: &Path) -> PathBuf {
     std::path::absolute(path).unwrap_or_else(|_| path.to_owned())
-}
-
-/// Writes a file that is there as a whole or not at all.
-fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    // Others who share the folder may read it, as far as the system's mask allows.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut temporary = builder.tempfile_in(folder)?;
-    io::Write::write_all(&mut temporary, bytes)?;
-    temporary.as_file().sync_all()?;
-    temporary.persist(path).map_err(|error| error.error)?;
-    Ok(())
 }

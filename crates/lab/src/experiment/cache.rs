@@ -1,6 +1,7 @@
 //! Answers that were computed once, kept in a folder.
 
 use super::ExperimentError;
+use crate::whole_file;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::fs;
@@ -28,12 +29,7 @@ impl Cache {
     /// Keeps answers; a file is there as a whole or not at all.
     pub fn put(&self, key: &str, answers: &impl Serialize) -> Result<(), ExperimentError> {
         let path = self.path(key);
-        let write = || {
-            let temporary = tempfile::NamedTempFile::new_in(&self.folder)?;
-            serde_json::to_writer(&temporary, answers)?;
-            temporary.persist(&path).map_err(|error| error.error)?;
-            Ok(())
-        };
+        let write = || whole_file::put(&path, &serde_json::to_vec(answers)?);
         write().map_err(|source| ExperimentError::Write { path: path.clone(), source })
     }
 

@@ -11,6 +11,9 @@ const N_VOTERS: usize = 10;
 /// A vote counts by this power of how near its frame is, relative to the opinion's nearest.
 const SHARPNESS: f64 = 4.0;
 
+/// So many training frames, as each opinion sees them, are enough to explain an answer.
+pub const N_NEAREST: usize = 3;
+
 /// A training frame that is like a frame, as an opinion sees both.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NearFrame {

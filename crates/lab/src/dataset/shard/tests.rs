@@ -42,7 +42,8 @@ fn part(text: &str) -> Part {
 /// Writes a part as the command does.
 fn write(pictures: &Path, name: &str, folder: &Path) -> Shard {
     let dataset = open(pictures).unwrap().with_part(part(name));
-    dataset.write_part(part(name), &describe(&dataset), &extractor(), folder).unwrap()
+    let key = dataset.part_key(&extractor());
+    dataset.write_part(part(name), key, &describe(&dataset), &extractor(), folder).unwrap()
 }
 
 fn parts_of(pictures: &TempDir, names: &[&str]) -> TempDir {
@@ -149,7 +150,7 @@ fn a_part_is_kept_until_something_of_it_changes() {
     let folder = parts_of(&pictures, &["1/2"]);
     let is_there = |extractor: &Extractor| {
         let dataset = open(pictures.path()).unwrap().with_part(part("1/2"));
-        dataset.described_part(part("1/2"), extractor, folder.path()).is_some()
+        Shard::find(folder.path(), part("1/2"), &dataset.part_key(extractor)).is_some()
     };
     let n_files = || fs::read_dir(folder.path()).unwrap().count();
     assert!(is_there(&extractor()));
@@ -163,4 +164,15 @@ fn a_part_is_kept_until_something_of_it_changes() {
     write(pictures.path(), "1/2", folder.path());
     assert!(is_there(&extractor()));
     assert_eq!(n_files(), 2);
+}
+
+#[test]
+fn a_picture_that_changes_while_it_is_described_is_described_again() {
+    let (pictures, folder) = (pictures(), tempfile::tempdir().unwrap());
+    let dataset = open(pictures.path()).unwrap();
+    let key = dataset.part_key(&extractor());
+    let described = describe(&dataset);
+    fs::write(pictures.path().join("hall/drive0/0.png"), "another picture").unwrap();
+    dataset.write_part(Part::WHOLE, key, &described, &extractor(), folder.path()).unwrap();
+    assert!(Shard::find(folder.path(), Part::WHOLE, &dataset.part_key(&extractor())).is_none());
 }
