@@ -1,0 +1,3 @@
+//! Tests against recordings that other libraries wrote.
+
+mod recordings;
