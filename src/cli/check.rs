@@ -84,7 +84,7 @@ pub(super) fn run(args: &CheckArgs) -> anyhow::Result<()> {
     let findings = [labels, examined.pictures()].concat();
     if let Some(path) = &args.html {
         let title = format!("{}: what is odd", args.data.data.display());
-        contact_sheet::write(path, &title, &sections(&dataset, &findings), &limits)?;
+        contact_sheet::write(path, &title, &sections(&dataset, &findings), &dataset, &limits)?;
     }
     let n_frames = described.samples.len();
     let n_by_room = n_by_room(&described);

@@ -1,6 +1,5 @@
 //! Contact sheets: small pictures with what is said of them, as an HTML page in one file.
 
-use super::data;
 use crate::cli::manners::note;
 use crate::engine::thumbnails::thumbnail;
 use anyhow::Context;
@@ -8,6 +7,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use bytes::Bytes;
 use rayon::prelude::*;
+use roomsight_lab::dataset::Dataset;
 use roomsight_lab::page::{escape, page};
 use roomsight_vision::image::Limits;
 use std::fs;
@@ -37,17 +37,27 @@ pub(super) struct Card {
 }
 
 /// Writes a sheet to a new file or over an old one. A picture that cannot be read is an empty place.
-pub(super) fn write(path: &Path, title: &str, sections: &[Section], limits: &Limits) -> anyhow::Result<()> {
-    fs::write(path, html(title, sections, limits)).with_context(|| path.display().to_string())?;
+pub(super) fn write(
+    path: &Path,
+    title: &str,
+    sections: &[Section],
+    dataset: &Dataset,
+    limits: &Limits,
+) -> anyhow::Result<()> {
+    let small = |picture: &Path| thumbnail(&dataset.read_picture(picture, limits).ok()?, WIDTH, *limits).ok();
+    fs::write(path, html(title, sections, &small)).with_context(|| path.display().to_string())?;
     note!("written: {}", path.display());
     Ok(())
 }
 
-fn html(title: &str, sections: &[Section], limits: &Limits) -> String {
+/// What gives a small picture; none of one that cannot be read.
+type Small<'a> = &'a (dyn Fn(&Path) -> Option<Bytes> + Sync);
+
+fn html(title: &str, sections: &[Section], small: Small) -> String {
     let mut body = format!("<h1>{}</h1>\n{STYLE}", escape(title));
     for Section { heading, cards } in sections.iter().filter(|section| !section.cards.is_empty()) {
         let shown = &cards[..cards.len().min(MAX_CARDS)];
-        let figures: Vec<String> = shown.par_iter().map(|card| figure(card, limits)).collect();
+        let figures: Vec<String> = shown.par_iter().map(|card| figure(card, small)).collect();
         body += &format!("<section><h2>{} ({})</h2>\n<div class=\"sheet\">\n", escape(heading), cards.len());
         body += &figures.concat();
         body += "</div>\n";
@@ -59,32 +69,28 @@ fn html(title: &str, sections: &[Section], limits: &Limits) -> String {
     page(title, &body)
 }
 
-fn figure(Card { picture, lines, beside }: &Card, limits: &Limits) -> String {
-    let mut html = format!("<figure>{}<figcaption>", small(picture, limits));
+fn figure(Card { picture, lines, beside }: &Card, small: Small) -> String {
+    let mut html = format!("<figure>{}<figcaption>", shown(picture, small));
     for line in lines {
         html += &format!("<div>{}</div>", escape(line));
     }
     html += "</figcaption>";
     for (other, line) in beside {
-        html += &format!("<div class=\"beside\">{}<div>{}</div></div>", small(other, limits), escape(line));
+        html += &format!("<div class=\"beside\">{}<div>{}</div></div>", shown(other, small), escape(line));
     }
     html + "</figure>\n"
 }
 
 /// The picture as a part of the page, named by its path.
-fn small(picture: &Path, limits: &Limits) -> String {
+fn shown(picture: &Path, small: Small) -> String {
     let name = escape(&picture.display().to_string());
-    match encoded(picture, limits) {
-        Ok(bytes) => {
+    match small(picture) {
+        Some(bytes) => {
             let data = BASE64_STANDARD.encode(bytes);
             format!("<img alt=\"{name}\" title=\"{name}\" src=\"data:image/jpeg;base64,{data}\">")
         }
-        Err(_) => format!("<i title=\"{name}\">not to be seen: {name}</i>"),
+        None => format!("<i title=\"{name}\">not to be seen: {name}</i>"),
     }
-}
-
-fn encoded(picture: &Path, limits: &Limits) -> anyhow::Result<Bytes> {
-    Ok(thumbnail(&data::read_encoded(picture, limits)?, WIDTH, *limits)?)
 }
 
 const STYLE: &str = "<style>
@@ -116,7 +122,8 @@ mod tests {
         };
         let section = Section { heading: "Wrong".to_owned(), cards: vec![card] };
         let empty = Section { heading: "Empty".to_owned(), cards: Vec::new() };
-        let html = html("Sheet", &[section, empty], &Limits::default());
+        let small = |picture: &Path| thumbnail(&fs::read(picture).ok()?, WIDTH, Limits::default()).ok();
+        let html = html("Sheet", &[section, empty], &small);
         assert!(html.contains("shows &lt;hall&gt;") && html.contains("a &amp; b") && !html.contains("<b>"));
         assert!(html.contains("src=\"data:image/jpeg;base64,") && html.contains("not to be seen: "));
         assert!(html.contains("Wrong (1)") && !html.contains("Empty") && html.len() < 20_000);

@@ -1,8 +1,10 @@
 //! What all commands share that read labeled frames or a configuration.
 
 mod config;
+mod recordings;
 
 pub(super) use config::ConfigArgs;
+pub(super) use recordings::RecordingArgs;
 
 use super::output;
 use crate::cli::manners::note;
@@ -35,7 +37,8 @@ const MEMORY_PER_PIXEL: u64 = 10;
 #[derive(Args)]
 pub(super) struct DataArgs {
     /// Labeled frames: a folder with a folder for each room (or with train, val, ... and the rooms in them), a
-    /// frames.csv with the columns file and place, or sequences of the COLD database
+    /// frames.csv with the columns file and place, sequences of the COLD database, or recordings of robots (MCAP, rosbag2,
+    /// ROS 1 bags), one or a folder of them
     pub data: PathBuf,
     /// Take the frames of this camera [default: the only one there is; perspective for a folder a room]
     #[arg(long, value_enum)]
@@ -50,6 +53,8 @@ pub(super) struct DataArgs {
     /// called elsewhere
     #[arg(long, value_name = "FOLDER")]
     elsewhere: Option<PathBuf>,
+    #[command(flatten)]
+    recordings: RecordingArgs,
 }
 
 /// How large frames may be.
@@ -104,8 +109,22 @@ impl DataArgs {
     /// Opens the data set, takes the frames asked for, and reports what is wrong with the rest. For a model
     /// that is there already, its rooms are known, and its camera is taken where none is asked for.
     pub(super) fn open(&self, model: Option<&Model>) -> anyhow::Result<Dataset> {
-        let mut dataset = dataset::open_for(&self.data, model.map_or(&[], Model::rooms))?;
+        let dataset =
+            dataset::open_for(&self.data, model.map_or(&[], Model::rooms), &self.recordings.taking())?;
         report_all(&dataset);
+        self.choose(dataset, model)
+    }
+
+    /// The same with the frames that have no room.
+    pub(super) fn open_with_unlabeled(&self, model: Option<&Model>) -> anyhow::Result<Dataset> {
+        let rooms = model.map_or(&[][..], Model::rooms);
+        let dataset = dataset::open_for(&self.data, rooms, &self.recordings.taking())?.with_unlabeled();
+        report_all(&dataset);
+        self.choose(dataset, model)
+    }
+
+    /// The frames that are asked for.
+    fn choose(&self, mut dataset: Dataset, model: Option<&Model>) -> anyhow::Result<Dataset> {
         let model_camera = model.map(|model| model.camera().projection.kind());
         if let Some(camera) = self.camera.map(CameraKind::from).or(model_camera) {
             dataset = dataset.with_camera(camera)?;
@@ -297,8 +316,8 @@ pub(super) fn is_simulated(data: &Path) -> bool {
 pub(super) fn report_all(dataset: &Dataset) {
     report("note", &dataset.notes);
     report("left out", &dataset.problems);
-    if dataset.n_unlabeled > 0 {
-        note!("left out: frames that are listed without a room: {}", dataset.n_unlabeled);
+    if !dataset.unlabeled.is_empty() {
+        note!("left out: frames without a room: {}", dataset.unlabeled.len());
     }
 }
 

@@ -128,7 +128,7 @@ pub(super) fn run(args: &EvaluateArgs) -> anyhow::Result<()> {
     if let (Some(path), Some(frames)) = (&args.html, &report.wrong) {
         let title = format!("{} by {}", args.data.data.display(), args.model.display());
         let sections = wrong::sections(&dataset, frames);
-        contact_sheet::write(path, &title, &sections, &args.limits.limits())?;
+        contact_sheet::write(path, &title, &sections, &dataset, &args.limits.limits())?;
     }
     if args.json {
         say!("{}", serde_json::to_string_pretty(&report)?)?;

@@ -1,24 +1,27 @@
-//! `roomsight inspect`: the card of a model, or what the core sees in a frame.
+//! `roomsight inspect`: the card of a model, what the core sees in a frame, or the topics of a recording.
 
 use super::data::{self, CameraName, ConfigArgs};
 use super::output::{self, say};
+use crate::cli::manners::note;
 use crate::engine::registry::network_infos;
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use image::{Rgb, RgbImage};
 use roomsight_recognition::model::{Extractor, Features, LoadedModel, Scratch, Seen, Sight, Size};
+use roomsight_recording::{Kind, Recording, Topic};
 use roomsight_vision::camera::{Camera, CameraKind, Projection};
 use roomsight_vision::image::{Image, Limits};
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 const KEYPOINT_COLOR: Rgb<u8> = Rgb([255, 70, 50]);
 const REGION_COLOR: Rgb<u8> = Rgb([60, 200, 120]);
 const HIDDEN_TINT: Rgb<u8> = Rgb([70, 60, 140]);
 
-/// Show a model's card, or draw the keypoints and regions of a frame into a PNG
+/// Show a model's card or the topics of a recording, or draw the keypoints and regions of a frame into a PNG
 #[derive(Args)]
 pub(super) struct InspectArgs {
-    /// Folder of a model, or an image file
+    /// Folder of a model, a recording, or an image file
     model_or_frame: PathBuf,
     /// For a frame: look at it as this model does [default: the default configuration]
     #[arg(long, value_name = "MODEL", conflicts_with_all = ["camera", "config", "parameters", "mask"])]
@@ -32,7 +35,7 @@ pub(super) struct InspectArgs {
     output: Option<PathBuf>,
     #[command(flatten)]
     config: ConfigArgs,
-    /// For a model: print the card as JSON
+    /// For a model or a recording: print as JSON
     #[arg(long)]
     json: bool,
 }
@@ -40,13 +43,53 @@ pub(super) struct InspectArgs {
 /// Tells a model from a frame by what lies at the path.
 pub(super) fn run(args: &InspectArgs) -> anyhow::Result<()> {
     let path = &args.model_or_frame;
+    if roomsight_recording::is_called_so(path) {
+        ensure!(args.output.is_none(), "a recording is printed: --output is for a frame");
+        return print_topics(&Recording::open(path)?, args.json);
+    }
     if path.is_dir() || path.extension().is_some_and(|extension| extension == "safetensors") {
         ensure!(args.output.is_none(), "a model is printed: --output is for a frame");
         print_card(&data::load_model(path)?, args.json)
     } else {
-        ensure!(!args.json, "a frame is drawn: --json is for a model");
+        ensure!(!args.json, "a frame is drawn: --json is for a model or a recording");
         draw(args, path)
     }
+}
+
+/// What a recording holds.
+#[derive(Serialize)]
+struct RecordingReport<'a> {
+    topics: &'a [Topic],
+    /// The first and the last message, in seconds by the clock of the recorder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    span_s: Option<[f64; 2]>,
+    problems: &'a [String],
+}
+
+fn print_topics(recording: &Recording, json: bool) -> anyhow::Result<()> {
+    let span_s = recording.span_ns().map(|span| span.map(|time_ns| time_ns as f64 / 1e9));
+    let report = RecordingReport { topics: recording.topics(), span_s, problems: recording.problems() };
+    if json {
+        say!("{}", serde_json::to_string_pretty(&report)?)?;
+        return Ok(());
+    }
+    let mut table = output::table(["topic", "type", "messages", "read as"]);
+    for topic in report.topics {
+        let read_as = match topic.kind() {
+            kind if kind.is_picture() => "pictures",
+            kind if kind.is_pose() => "poses",
+            Kind::Text => "rooms",
+            _ => "-",
+        };
+        let n_messages = topic.n_messages.map_or("?".to_owned(), |n_messages| n_messages.to_string());
+        table.add_row([&topic.name, &topic.type_name, &n_messages, read_as]);
+    }
+    say!("{table}")?;
+    if let Some([first, last]) = span_s {
+        say!("From {first:.3} to {last:.3} s: {:.1} s.", last - first)?;
+    }
+    report.problems.iter().for_each(|problem| note!("note: {problem}"));
+    Ok(())
 }
 
 fn print_card(LoadedModel { model, digest }: &LoadedModel, json: bool) -> anyhow::Result<()> {

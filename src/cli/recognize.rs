@@ -1,11 +1,14 @@
-//! `roomsight recognize`: the room of single frames.
+//! `roomsight recognize`: the room of single frames, or of all of a recording.
 
-use super::data::{self, LimitArgs};
+mod recorded;
+
+use super::data::{self, LimitArgs, RecordingArgs};
 use super::output::{self, say};
 use crate::cli::manners::note;
-use anyhow::bail;
+use anyhow::{bail, ensure};
 use clap::Args;
 use roomsight_lab::check::other_camera;
+use roomsight_lab::dataset::{self, Frame};
 use roomsight_protocol::rest::NearestFrame;
 use roomsight_recognition::model::{
     Features, Model, N_NEAREST, NearFrame, PoseEstimate, Recognition, Scratch, Unknown, by_probability,
@@ -15,13 +18,21 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 /// Tell which room frames show
+///
+/// Of a recording (MCAP, rosbag2, ROS 1 bags) all pictures of a topic are answered, in their order. With --output, the answers,
+/// the filter's and what was seen go to a new recording beside the pictures, to be looked at in Foxglove.
 #[derive(Args)]
 pub(super) struct RecognizeArgs {
     /// Folder of the model, as `train` wrote it, or of its versions, of which the highest answers
     model: PathBuf,
-    /// Image files, or folders of them
+    /// Image files, folders of them, or recordings
     #[arg(required = true)]
     frames: Vec<PathBuf>,
+    /// Of one recording: write the answers and the pictures to this file, as MCAP
+    #[arg(short, long, value_name = "MCAP", conflicts_with_all = ["explain", "json"])]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    recordings: RecordingArgs,
     #[command(flatten)]
     limits: LimitArgs,
     /// How many of the most probable rooms to print
@@ -62,16 +73,18 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
     let mut scratch = Scratch::default();
     let mut table = output::table(["frame", "room", "probability", "known", "others"]);
     let (mut reasons, mut n_failed) = (Vec::new(), 0);
-    let mut frames = Vec::new();
-    for path in &args.frames {
-        if path.is_dir() {
-            frames.extend(data::pictures_in(path)?);
-        } else {
-            frames.push(path.clone());
-        }
+    let frames = frames_of(args, &model)?;
+    if let Some(output) = &args.output {
+        let is_one = args.frames.len() == 1 && roomsight_recording::is_called_so(&args.frames[0]);
+        ensure!(is_one, "--output takes one recording");
+        return recorded::answer(&model, &frames, output, &limits);
     }
-    for path in &frames {
-        let features = match data::read_frame(path, model.extractor(), &limits) {
+    for Asked { path, frame } in &frames {
+        let image = match frame {
+            Some(frame) => recorded::read(frame, &model, &limits),
+            None => data::read_frame(path, model.extractor(), &limits),
+        };
+        let features = match image {
             Ok(image) => {
                 if image.damaged_rows() > 0 {
                     eprintln!("{}: {} rows are damaged or missing", path.display(), image.damaged_rows());
@@ -123,6 +136,32 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
         bail!("{n_failed} of {} frames could not be read", frames.len());
     }
     Ok(())
+}
+
+/// A picture to be answered.
+struct Asked {
+    path: PathBuf,
+    /// Of a recording; none where it is a file.
+    frame: Option<Frame>,
+}
+
+/// All that are asked for.
+fn frames_of(args: &RecognizeArgs, model: &Model) -> anyhow::Result<Vec<Asked>> {
+    let mut frames = Vec::new();
+    let file = |path: PathBuf| Asked { path, frame: None };
+    for path in &args.frames {
+        if roomsight_recording::is_called_so(path) {
+            let dataset = dataset::open_for(path, model.rooms(), &args.recordings.taking())?.with_unlabeled();
+            data::report_all(&dataset);
+            let recorded = |frame: Frame| Asked { path: frame.path.clone(), frame: Some(frame) };
+            frames.extend(dataset.frames.into_iter().map(recorded));
+        } else if path.is_dir() {
+            frames.extend(data::pictures_in(path)?.into_iter().map(file));
+        } else {
+            frames.push(file(path.clone()));
+        }
+    }
+    Ok(frames)
 }
 
 /// Prints the reasons of an answer.

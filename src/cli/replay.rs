@@ -128,7 +128,7 @@ pub(super) fn run(args: &ReplayArgs) -> anyhow::Result<()> {
             "--mode, --interval, --filter and --patience are of streams: leave them out, or --transport rest"
         );
     }
-    let dataset = args.data.open(None)?;
+    let dataset = args.data.open_with_unlabeled(None)?;
     if dataset.frames.is_empty() {
         bail!("{} holds no labeled frame", args.data.data.display());
     }

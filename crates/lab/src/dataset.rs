@@ -5,6 +5,7 @@
 //! | [`Format::Folder`] | a folder a room: `kitchen/*.jpg`, or `kitchen/SEQUENCE/*.jpg`; also in `train`, `val`, ... |
 //! | [`Format::Manifest`] | `frames.csv` with the columns `file,place,sequence,camera,split` |
 //! | [`Format::Cold`] | COLD sequences: `seq3_cloudy1/{std_cam,omni_cam,localization/places.lst}` |
+//! | [`Format::Recording`] | recordings of robots, with their rooms in `run.rooms.csv` beside `run.mcap`, in a topic, or on a map |
 //!
 //! A folder of described parts ([`Shard`]) stands for the pictures that were described, and has their format.
 //!
@@ -22,6 +23,7 @@ mod glob;
 mod look;
 mod manifest;
 pub mod names;
+mod recorded;
 mod shard;
 #[cfg(test)]
 mod tests;
@@ -30,6 +32,7 @@ mod tree;
 pub use describe::{Copied, Described};
 pub use error::{DatasetError, Problem, ProblemKind, by_kind};
 pub use look::{Look, near_pairs};
+pub use recorded::{Clock, RecordedPicture, Taking};
 pub use shard::{Shard, ShardError};
 pub use tree::Tree;
 
@@ -47,9 +50,9 @@ use std::sync::Arc;
 /// One labeled frame on disk.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// The image file.
+    /// The image file; of a recording, the recording and the time.
     pub path: PathBuf,
-    /// The room that it shows, never empty, or [`ELSEWHERE`].
+    /// The room that it shows, or [`ELSEWHERE`]; empty in [`Dataset::unlabeled`] alone.
     pub room: String,
     /// The drive that it comes from; empty when unknown.
     pub sequence: String,
@@ -61,6 +64,8 @@ pub struct Frame {
     pub time: Option<f64>,
     /// Where it was taken.
     pub pose: Option<Pose>,
+    /// Where it lies in a recording; none where it is a file.
+    pub recorded: Option<RecordedPicture>,
 }
 
 impl Frame {
@@ -81,8 +86,18 @@ impl Frame {
 
     /// Reads the image as it is encoded; its size is checked before a byte of it is read.
     pub fn read_encoded(&self, limits: &Limits) -> Result<Vec<u8>, Problem> {
-        files::read_bounded(&self.path, limits.max_bytes as u64)
-            .map_err(|error| Problem::new(&self.path, error.to_string()))
+        let bytes = match &self.recorded {
+            Some(recorded) => recorded.read(limits).map(|picture| picture.encoded),
+            None => {
+                files::read_bounded(&self.path, limits.max_bytes as u64).map_err(|error| error.to_string())
+            }
+        };
+        bytes.map_err(|reason| Problem::new(&self.path, reason))
+    }
+
+    /// The file that it lies in.
+    fn file(&self) -> &Path {
+        self.recorded.as_ref().map_or(&self.path, |recorded| recorded.recording().path())
     }
 }
 
@@ -96,6 +111,18 @@ pub enum Format {
     Manifest,
     /// Sequences of the COLD database, or of the simulated lab.
     Cold,
+    /// Recordings of robots, a drive each; say nothing of cameras and splits.
+    Recording,
+}
+
+impl Format {
+    /// Whether it says which camera frames are of.
+    fn names_cameras(self) -> bool {
+        match self {
+            Self::Manifest | Self::Cold => true,
+            Self::Folder | Self::Recording => false,
+        }
+    }
 }
 
 /// Labeled frames, and what was wrong with the rest.
@@ -111,28 +138,33 @@ pub struct Dataset {
     pub problems: Vec<Problem>,
     /// What was taken otherwise than a user may expect.
     pub notes: Vec<Problem>,
-    /// How many frames were listed with an empty place.
-    pub n_unlabeled: usize,
+    /// Frames without a room.
+    pub unlabeled: Vec<Frame>,
     /// What was seen of the frames before, where it was.
     pub(crate) shards: Vec<Arc<Shard>>,
 }
 
 /// Opens a data set, telling its format by what lies at `path`. No image is decoded.
 pub fn open(path: &Path) -> Result<Dataset, DatasetError> {
-    open_for(path, &[])
+    open_for(path, &[], &Taking::default())
 }
 
 /// The same for a model that knows these rooms: a folder of such a name is a room, also where it is the only
-/// one and might be taken for a folder around the rooms.
-pub fn open_for(path: &Path, rooms: &[String]) -> Result<Dataset, DatasetError> {
+/// one and might be taken for a folder around the rooms. Of recordings that is taken which `taking` says.
+pub fn open_for(path: &Path, rooms: &[String], taking: &Taking) -> Result<Dataset, DatasetError> {
     let metadata = fs::metadata(path).map_err(|error| DatasetError::io(path, error))?;
-    let mut dataset = if metadata.is_dir() { in_folder(path, rooms)? } else { manifest::read(path)? };
+    let is_one_recording = roomsight_recording::is_called_so(path);
+    let mut dataset = match metadata.is_dir() && !is_one_recording {
+        true => in_folder(path, rooms, taking)?,
+        false if is_one_recording => recorded::read(path, &[path.to_owned()], taking)?,
+        false => manifest::read(path)?,
+    };
     dataset.settle_names();
     dataset.frames.sort_by(in_order);
     Ok(dataset)
 }
 
-fn in_folder(path: &Path, rooms: &[String]) -> Result<Dataset, DatasetError> {
+fn in_folder(path: &Path, rooms: &[String], taking: &Taking) -> Result<Dataset, DatasetError> {
     if let Some(list) = manifest::find(path).map_err(|error| DatasetError::io(path, error))? {
         return manifest::read(&list);
     }
@@ -145,10 +177,14 @@ fn in_folder(path: &Path, rooms: &[String]) -> Result<Dataset, DatasetError> {
     if !sequences.is_empty() {
         return cold::read(&tree, &sequences);
     }
-    match wrapped_manifest(&tree) {
-        Some(list) => manifest::read(list),
-        None => folder::read(&tree, rooms),
+    if let Some(list) = wrapped_manifest(&tree) {
+        return manifest::read(list);
     }
+    let recordings = recorded::find(path).map_err(|error| DatasetError::io(path, error))?;
+    if recordings.is_empty() || tree.has_pictures() {
+        return folder::read(&tree, rooms);
+    }
+    recorded::read(path, &recordings, taking)
 }
 
 /// The manifest in the only folder of a folder, as archives are unpacked.
@@ -160,8 +196,8 @@ fn wrapped_manifest(tree: &Tree) -> Option<&PathBuf> {
 
 impl Dataset {
     fn new(root: &Path, format: Format) -> Self {
-        let (frames, problems, notes) = (Vec::new(), Vec::new(), Vec::new());
-        Self { root: root.to_owned(), format, frames, problems, notes, n_unlabeled: 0, shards: Vec::new() }
+        let (frames, unlabeled, problems, notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+        Self { root: root.to_owned(), format, frames, problems, notes, unlabeled, shards: Vec::new() }
     }
 
     fn report(&mut self, path: &Path, reason: impl Into<String>) {
@@ -182,16 +218,34 @@ impl Dataset {
             split: String::new(),
             time: None,
             pose: None,
+            recorded: None,
         };
         self.frames.extend(pictures.into_iter().map(frame));
         self
+    }
+
+    /// The same with the frames without a room among the others: what is only answered, or played, needs none.
+    pub fn with_unlabeled(mut self) -> Self {
+        self.frames.append(&mut self.unlabeled);
+        self.frames.sort_by(in_order);
+        self
+    }
+
+    /// Reads the picture of a frame that is called so, or else a file.
+    pub fn read_picture(&self, path: &Path, limits: &Limits) -> Result<Vec<u8>, Problem> {
+        match self.frames.iter().find(|frame| frame.path == path) {
+            Some(frame) => frame.read_encoded(limits),
+            None => files::read_bounded(path, limits.max_bytes as u64)
+                .map_err(|error| Problem::new(path, error.to_string())),
+        }
     }
 
     /// Brings the names of rooms, sequences and splits into one form; a frame whose room cannot be named is a
     /// problem. Which names of rooms became one is noted.
     fn settle_names(&mut self) {
         let mut spellings: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-        for mut frame in std::mem::take(&mut self.frames) {
+        let unlabeled = std::mem::take(&mut self.unlabeled);
+        for mut frame in std::mem::take(&mut self.frames).into_iter().chain(unlabeled) {
             let room = names::settled(&frame.room);
             let room = if room.eq_ignore_ascii_case(ELSEWHERE) { ELSEWHERE.to_owned() } else { room };
             frame.sequence = names::settled(&frame.sequence);
@@ -201,8 +255,13 @@ impl Dataset {
                 .into_iter()
                 .filter(unnamed)
                 .find_map(|name| names::fault(name));
-            if let Some(fault) = names::fault(&room).or(fault) {
+            let fault = if frame.room.is_empty() { fault } else { names::fault(&room).or(fault) };
+            if let Some(fault) = fault {
                 self.report(&frame.path, fault);
+                continue;
+            }
+            if frame.room.is_empty() {
+                self.unlabeled.push(frame);
                 continue;
             }
             spellings.entry(room.clone()).or_default().insert(std::mem::replace(&mut frame.room, room));
@@ -223,9 +282,9 @@ impl Dataset {
         rooms.into_iter().map(str::to_owned).collect()
     }
 
-    /// Keeps the frames of one camera. Folders do not name the camera, so there it is set to `camera`.
+    /// Keeps the frames of one camera. Folders and recordings do not name the camera, so there it is set to `camera`.
     pub fn with_camera(mut self, camera: CameraKind) -> Result<Self, DatasetError> {
-        if self.format == Format::Folder {
+        if !self.format.names_cameras() {
             self.frames.iter_mut().for_each(|frame| frame.camera = camera);
             return Ok(self);
         }
@@ -311,7 +370,12 @@ impl Dataset {
     fn why_empty(&self) -> String {
         match self.problems.first() {
             Some(first) => format!("problems: {}, the first: {first}", self.problems.len()),
-            None => format!("frames without a place: {}", self.n_unlabeled),
+            None if self.format == Format::Recording => format!(
+                "frames without a room: {}. Say where the robot was: with NAME.rooms.csv beside NAME.mcap, --labels, \
+                 --room-topic, or --map",
+                self.unlabeled.len()
+            ),
+            None => format!("frames without a place: {}", self.unlabeled.len()),
         }
     }
 }

@@ -10,12 +10,14 @@
 //! | `file` | the files that recordings are in |
 //! | `topic` | what is recorded under a name |
 //! | `message`, `fields` | what messages tell; the fields of a message |
+//! | `write` | recordings of JSON messages |
 
 mod fields;
 mod file;
 pub mod message;
 mod recording;
 mod topic;
+pub mod write;
 
 pub use message::MessageError;
 pub use recording::{Message, Recording, RecordingError, is_called_so};

@@ -142,7 +142,7 @@ fn over_time(course: &Course, svg: String) -> String {
 fn bands(stays: &Stays) -> String {
     let all = [("is in", &stays.shown), ("frame says", &stays.raw), ("filter says", &stays.filtered)];
     let named: Vec<_> = all.into_iter().filter(|(_, stays)| !stays.is_empty()).collect();
-    let end_s = stays.shown.last().map_or(0.0, |stay| stay.to_s).max(0.001);
+    let end_s = stays.raw.last().map_or(0.0, |stay| stay.to_s).max(0.001);
     let mut rooms: Vec<&str> = Vec::new();
     for Stay { room, .. } in named.iter().flat_map(|(_, stays)| *stays) {
         if !rooms.contains(&room.as_str()) {

@@ -77,7 +77,7 @@ impl Drive {
 
     fn told(&self, sent: Sent, answer: &Answer, filtered: Option<&Filtered>, age_ms: Option<f64>) {
         let latency = self.start.0.elapsed().saturating_sub(sent.at);
-        let room = &self.frames.get(sent.frame_idx).room;
+        let room = Some(self.frames.get(sent.frame_idx).room.as_str()).filter(|room| !room.is_empty());
         let told = Told { at: sent.at, latency, room, answer, filtered, age_ms };
         let mut tally = self.tally();
         tally.told(&told);
@@ -296,6 +296,7 @@ mod tests {
             split: String::new(),
             time: None,
             pose: None,
+            recorded: None,
         };
         let track = Track::new(std::slice::from_ref(&frame), Rate::PerSecond(200.0)).unwrap();
         let frames = Arc::new(Frames::load(vec![frame]));

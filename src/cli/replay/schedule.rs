@@ -130,6 +130,7 @@ mod tests {
             split: String::new(),
             time,
             pose: None,
+            recorded: None,
         };
         of.iter().map(frame).collect()
     }

@@ -55,8 +55,8 @@ pub struct Told<'a> {
     pub at: Duration,
     /// From then to the answer.
     pub latency: Duration,
-    /// The room that it shows.
-    pub room: &'a str,
+    /// The room that it shows, where that is known.
+    pub room: Option<&'a str>,
     /// What it says by itself.
     pub answer: &'a Answer,
     /// What the stream says.
@@ -100,9 +100,11 @@ impl Tally {
             // Clocks that differ may make a frame younger than it can be.
             self.age.saturating_record((age_ms.max(0.0) * 1000.0) as u64);
         }
-        let raw = told.answer.room == told.room;
-        self.raw.add(raw);
-        let filtered = told.filtered.map(|filtered| filtered.room == told.room);
+        let raw = told.room.map(|room| told.answer.room == room);
+        if let Some(raw) = raw {
+            self.raw.add(raw);
+        }
+        let filtered = told.filtered.zip(told.room).map(|(filtered, room)| filtered.room == room);
         if let Some(filtered) = filtered {
             self.filtered.add(filtered);
         }
@@ -185,7 +187,7 @@ impl Default for Course {
 }
 
 impl Course {
-    fn add(&mut self, at: Duration, latency: Duration, raw: bool, filtered: Option<bool>) {
+    fn add(&mut self, at: Duration, latency: Duration, raw: Option<bool>, filtered: Option<bool>) {
         while at.as_secs_f64() / self.width_s >= MAX_WINDOWS as f64 {
             let mut windows = std::mem::take(&mut self.windows).into_iter();
             while let Some(first) = windows.next() {
@@ -199,7 +201,9 @@ impl Course {
         let window_idx = (at.as_secs_f64() / self.width_s) as usize;
         self.windows.resize_with(self.windows.len().max(window_idx + 1), Default::default);
         let window = &mut self.windows[window_idx];
-        window.raw.add(raw);
+        if let Some(raw) = raw {
+            window.raw.add(raw);
+        }
         if let Some(filtered) = filtered {
             window.filtered.add(filtered);
         }
@@ -258,7 +262,9 @@ impl Stays {
     /// Takes a frame's rooms.
     pub fn add(&mut self, told: &Told) {
         let at_s = told.at.as_secs_f64();
-        extend(&mut self.shown, told.room, at_s);
+        if let Some(room) = told.room {
+            extend(&mut self.shown, room, at_s);
+        }
         extend(&mut self.raw, &told.answer.room, at_s);
         if let Some(filtered) = told.filtered {
             extend(&mut self.filtered, &filtered.room, at_s);
@@ -345,7 +351,7 @@ mod tests {
         let mut course = Course::default();
         for second in 0..3000 {
             let latency = Duration::from_millis(second % 100);
-            course.add(Duration::from_secs(second), latency, second % 2 == 0, Some(true));
+            course.add(Duration::from_secs(second), latency, Some(second % 2 == 0), Some(true));
         }
         assert!(course.windows.len() <= MAX_WINDOWS, "{}", course.windows.len());
         assert_eq!(course.windows[0].raw.n_frames, course.width_s as usize);

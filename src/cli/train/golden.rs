@@ -4,14 +4,13 @@ use roomsight_lab::dataset::{Dataset, Described};
 use roomsight_lab::validate;
 use roomsight_recognition::model::{GoldenFrame, Model};
 use roomsight_vision::image::Limits;
-use std::fs;
 use std::path::Path;
 
 /// Frames kept with the model to tell that it still answers the same.
 const N_GOLDEN_FRAMES: usize = 8;
 
 /// The longest frame that is kept so, in bytes.
-const MAX_GOLDEN_BYTES: u64 = 1 << 20;
+const MAX_GOLDEN_BYTES: usize = 1 << 20;
 
 /// The longest name of a golden frame, in characters, which take up to 4 of a file name's 255 bytes.
 const MAX_FILE_NAME_LENGTH: usize = 48;
@@ -38,12 +37,12 @@ pub(super) fn frames(
         let of_room: Vec<usize> =
             (0..described.samples.len()).filter(|&idx| described.samples[idx].room == *room).collect();
         let sample_idx = *of_room.get(of_room.len() / 2)?;
-        let path = &dataset.frames[described.frame_idxs[sample_idx]].path;
-        let is_small = fs::metadata(path).is_ok_and(|metadata| metadata.len() <= MAX_GOLDEN_BYTES);
-        let bytes = fs::read(path).ok().filter(|bytes| is_small && looks_the_same(bytes))?;
+        let frame = &dataset.frames[described.frame_idxs[sample_idx]];
+        let small = Limits { max_bytes: MAX_GOLDEN_BYTES, ..*limits };
+        let bytes = frame.read_encoded(&small).ok().filter(|bytes| looks_the_same(bytes))?;
         let answer = validate::answer(model, &described.samples, sample_idx);
         Some(GoldenFrame {
-            name: golden_name(model.rooms(), room_idx, path),
+            name: golden_name(model.rooms(), room_idx, &frame.path),
             bytes,
             probability: answer.recognition.probability(),
             room: answer.room,

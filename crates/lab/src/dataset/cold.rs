@@ -230,6 +230,7 @@ fn add_frames(dataset: &mut Dataset, sequence: &Sequence, folder: &Tree, camera:
             split: String::new(),
             time: Some(line.time),
             pose: Some(line.pose),
+            recorded: None,
         });
     }
     for frame in missing {

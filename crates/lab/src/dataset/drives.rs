@@ -52,6 +52,7 @@ mod tests {
             split: String::new(),
             time,
             pose: None,
+            recorded: None,
         }
     }
 

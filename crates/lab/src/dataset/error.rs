@@ -118,8 +118,8 @@ pub enum DatasetError {
     /// Nothing there looks like one of the formats.
     #[error(
         "{}: not a data set ({why}); what can be read: a folder a room with its frames (kitchen/*.jpg or \
-         kitchen/SEQUENCE/*.jpg), a frames.csv with the columns file and place, or COLD sequences \
-         (seq1_cloudy1/std_cam with seq1_cloudy1/localization/places.lst)",
+         kitchen/SEQUENCE/*.jpg), a frames.csv with the columns file and place, COLD sequences \
+         (seq1_cloudy1/std_cam with seq1_cloudy1/localization/places.lst), or recordings (MCAP, rosbag2, ROS 1 bags)",
         path.display()
     )]
     UnknownLayout {
@@ -139,6 +139,14 @@ pub enum DatasetError {
     /// A manifest cannot be read as one.
     #[error("{0}")]
     Manifest(Problem),
+    /// A recording does not give what is asked of it.
+    #[error("{}: {reason}", path.display())]
+    Recording {
+        /// The file or folder.
+        path: PathBuf,
+        /// What it lacks, and what there is.
+        reason: String,
+    },
     /// A manifest lacks a column, or has it twice.
     #[error(
         "{}, line {line}: {fault}; this line must name the columns, at least file and place, separated by commas, \

@@ -207,6 +207,7 @@ fn add_frames(dataset: &mut Dataset, folder: &Tree, labels: &Labels) {
         split: labels.split.to_owned(),
         time: None,
         pose: None,
+        recorded: None,
     }));
 }
 

@@ -117,7 +117,7 @@ fn parse(text: &str, path: &Path) -> Result<Dataset, DatasetError> {
             continue;
         }
         line_of.insert(frame.path.clone(), (line, frame.room.clone()));
-        if frame.room.is_empty() { dataset.n_unlabeled += 1 } else { dataset.frames.push(frame) }
+        if frame.room.is_empty() { dataset.unlabeled.push(frame) } else { dataset.frames.push(frame) }
     }
     Ok(dataset)
 }
@@ -310,6 +310,7 @@ fn frame(row: &Row, path: &Path, line: u64) -> Result<Frame, DatasetError> {
         split: row.split.to_owned(),
         time: None,
         pose: None,
+        recorded: None,
     })
 }
 
@@ -338,7 +339,7 @@ mod tests {
         let rows = "1.jpg,kitchen\n2.jpg,\n,kitchen\n1.jpg,hall\n3.jpg,hall,extra\n4.jpg,hall,\n./4.jpg,hall\n\n,,\n5.jpg\n";
         let dataset = parsed(&format!("file,place\n{rows}")).unwrap();
         assert_eq!(dataset.frames.len(), 2);
-        assert_eq!(dataset.n_unlabeled, 1);
+        assert_eq!(dataset.unlabeled.len(), 1);
         let problems: Vec<String> = dataset.problems.iter().map(ToString::to_string).collect();
         let expected = [
             "set/frames.csv, line 4: names no file",
@@ -438,7 +439,7 @@ mod tests {
             let rows: Vec<String> = rows.iter().map(|row| row.replace([',', ';'], "").replace('\t', &delimiter.to_string())).collect();
             let dataset = parsed(&format!("file{delimiter}place\n{}", rows.join("\n")));
             if let Ok(dataset) = dataset {
-                let n_rows = dataset.frames.len() + dataset.problems.len() + dataset.n_unlabeled;
+                let n_rows = dataset.frames.len() + dataset.problems.len() + dataset.unlabeled.len();
                 let is_empty = |row: &&String| row.chars().all(|character| character == ' ' || character == delimiter);
                 prop_assert_eq!(n_rows, rows.iter().filter(|row| !is_empty(row)).count());
             }

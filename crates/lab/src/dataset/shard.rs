@@ -152,6 +152,7 @@ impl Shard {
             split: frame.split.clone(),
             time: frame.time,
             pose: frame.pose,
+            recorded: None,
         }
     }
 
@@ -295,7 +296,7 @@ impl Dataset {
     pub fn part_key(&self, extractor: &Extractor) -> String {
         let mut digest = blake3::Hasher::new();
         let frames = self.frames.iter().map(|frame| {
-            let changed = fs::metadata(&frame.path)
+            let changed = fs::metadata(frame.file())
                 .ok()
                 .and_then(|metadata| Some((metadata.len(), metadata.modified().ok()?)));
             format!("{frame:?} {changed:?}")
@@ -330,7 +331,8 @@ impl Dataset {
         let root = self.folder().canonicalize().map_err(io(self.folder()))?;
         let frame = |sample_idx: usize| {
             let (frame_idx, sample) = (described.frame_idxs[sample_idx], &described.samples[sample_idx]);
-            let Frame { path, room, sequence, camera, split, time, pose } = self.frames[frame_idx].clone();
+            let Frame { path, room, sequence, camera, split, time, pose, .. } =
+                self.frames[frame_idx].clone();
             ShardFrame {
                 file: path.strip_prefix(self.folder()).map_or_else(|_| absolute(&path), Path::to_owned),
                 room,

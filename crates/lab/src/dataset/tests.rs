@@ -94,7 +94,7 @@ fn a_manifest_is_opened_by_its_folder_or_itself() {
         let dataset = open(&path).unwrap();
         assert_eq!(dataset.format, Format::Manifest);
         assert_eq!(frames(&dataset), ["s:kitchen:1.jpg", "s:hall:2.jpg"]);
-        assert_eq!(dataset.n_unlabeled, 1);
+        assert_eq!(dataset.unlabeled.len(), 1);
         assert_eq!(reasons(&dataset), ["listed in the manifest, but there is no such file"]);
         assert_eq!(frames(&dataset.with_split("train").unwrap()), ["s:kitchen:1.jpg"]);
     }

@@ -95,7 +95,7 @@ fn a_room_beside_one_without_a_picture_is_no_folder_around_rooms() {
 fn a_single_room_that_a_model_knows_is_no_folder_around_rooms() {
     let set = tree(&["kitchen/monday/1.jpg", "kitchen/tuesday/1.jpg"]);
     let rooms = ["hall", "kitchen"].map(str::to_owned);
-    assert_eq!(open_for(set.path(), &rooms).unwrap().rooms(), ["kitchen"]);
+    assert_eq!(open_for(set.path(), &rooms, &Taking::default()).unwrap().rooms(), ["kitchen"]);
     assert_eq!(open(set.path()).unwrap().rooms(), ["monday", "tuesday"]);
 }
 

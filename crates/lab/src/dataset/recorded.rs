@@ -1,0 +1,268 @@
+//! Frames of recordings: pictures of a topic, and the rooms that labels, a topic or a map give them.
+//!
+//! | file | what |
+//! |---|---|
+//! | `taking` | what is taken of recordings |
+//! | `labels` | rooms by time: a list, or a topic of texts |
+//! | `poses` | where the robot was |
+//! | `map` | rooms by place |
+
+mod labels;
+mod map;
+mod poses;
+mod taking;
+
+pub use taking::{Clock, Taking};
+
+use super::{Dataset, DatasetError, Format, Frame, Problem, files};
+use labels::RoomTrack;
+use map::RoomMap;
+use poses::PoseTrack;
+use roomsight_recording::message::{Picture, stamp_ns};
+use roomsight_recording::{Message, Recording, Topic, is_called_so};
+use roomsight_vision::camera::CameraKind;
+use roomsight_vision::image::Limits;
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+/// Nanoseconds of a second.
+const SECOND: f64 = 1e9;
+
+/// The names of several topics or rooms in an error.
+const MAX_NAMED: usize = 12;
+
+/// A picture in a recording.
+#[derive(Clone)]
+pub struct RecordedPicture {
+    recording: Arc<Recording>,
+    message: Message,
+}
+
+impl PartialEq for RecordedPicture {
+    fn eq(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.recording, &other.recording) && self.message == other.message
+    }
+}
+
+impl fmt::Debug for RecordedPicture {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.debug_tuple("RecordedPicture").field(&self.recording.path()).field(&self.message).finish()
+    }
+}
+
+impl RecordedPicture {
+    /// The recording.
+    pub fn recording(&self) -> &Arc<Recording> {
+        &self.recording
+    }
+
+    /// The message that holds it.
+    pub fn message(&self) -> &Message {
+        &self.message
+    }
+
+    /// Its topic.
+    pub fn topic(&self) -> &Topic {
+        &self.recording.topics()[self.message.topic_idx]
+    }
+
+    /// The picture, and what its message says of it.
+    ///
+    /// # Errors
+    /// Why it cannot be read.
+    pub fn read(&self, limits: &Limits) -> Result<Picture, String> {
+        let message = self.recording.read(&self.message).map_err(|error| error.to_string())?;
+        let picture = Picture::read(self.topic(), &message).map_err(|error| error.to_string())?;
+        match picture.encoded.len() {
+            n_bytes if n_bytes > limits.max_bytes => {
+                Err(format!("{n_bytes} bytes long, at most {} are read", limits.max_bytes))
+            }
+            _ => Ok(picture),
+        }
+    }
+}
+
+/// The recordings in a folder; the folder itself where it is one.
+pub(super) fn find(path: &Path) -> io::Result<Vec<PathBuf>> {
+    if is_called_so(path) {
+        return Ok(vec![path.to_owned()]);
+    }
+    if !path.is_dir() {
+        return Ok(Vec::new());
+    }
+    let entries = std::fs::read_dir(path)?.collect::<io::Result<Vec<_>>>()?;
+    let mut paths: Vec<PathBuf> = entries.iter().map(std::fs::DirEntry::path).collect();
+    paths.retain(|path| is_called_so(path));
+    paths.sort_by(|one, other| files::natural_order(&one.to_string_lossy(), &other.to_string_lossy()));
+    Ok(paths)
+}
+
+/// The data set of these recordings: a drive each, called as its file.
+pub(super) fn read(root: &Path, paths: &[PathBuf], taking: &Taking) -> Result<Dataset, DatasetError> {
+    let mut dataset = Dataset::new(root, Format::Recording);
+    for path in paths {
+        match Recording::open(path) {
+            Ok(recording) => add(&mut dataset, Arc::new(recording), taking)?,
+            Err(error) => dataset.report(path, error.to_string()),
+        }
+    }
+    Ok(dataset)
+}
+
+/// Why a recording does not give what is asked of it.
+fn unusable(recording: &Recording, reason: impl Into<String>) -> DatasetError {
+    DatasetError::Recording { path: recording.path().to_owned(), reason: reason.into() }
+}
+
+fn add(dataset: &mut Dataset, recording: Arc<Recording>, taking: &Taking) -> Result<(), DatasetError> {
+    let path = recording.path().to_owned();
+    recording.problems().iter().for_each(|problem| dataset.note(&path, problem.as_str()));
+    let topic_idx = topic_of_pictures(&recording, taking)?;
+    let (messages, problems) =
+        recording.messages(&[topic_idx]).map_err(|error| unusable(&recording, error.to_string()))?;
+    problems.into_iter().for_each(|problem| dataset.report(&path, problem));
+    let times = times(dataset, &recording, &messages, taking.clock);
+    let Some(first_ns) = times.iter().flatten().min().copied() else {
+        dataset.report(&path, format!("no picture is recorded under {}", recording.topics()[topic_idx].name));
+        return Ok(());
+    };
+    let poses = PoseTrack::of(&recording, taking)?;
+    let rooms = Rooms::of(&recording, taking, first_ns)?;
+    let sequence = files::name(&path).split('.').next().unwrap_or_default().to_owned();
+    let mut last_ns = None;
+    let (mut labeled, mut unlabeled) = (Vec::new(), Vec::new());
+    for (message, time_ns) in messages.into_iter().zip(times) {
+        let Some(time_ns) = time_ns.filter(|time_ns| taking.wants(*time_ns, first_ns, last_ns)) else {
+            continue;
+        };
+        last_ns = Some(time_ns);
+        let pose = poses.as_ref().and_then(|poses| poses.at(time_ns));
+        let room = rooms.as_ref().and_then(|rooms| rooms.at(time_ns, pose.as_ref()));
+        let time = (time_ns as f64) / SECOND;
+        let frame = Frame {
+            path: path.join(format!("{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000)),
+            room: room.unwrap_or_default().to_owned(),
+            sequence: sequence.clone(),
+            camera: CameraKind::Perspective,
+            split: String::new(),
+            time: Some(time),
+            pose,
+            recorded: Some(RecordedPicture { recording: recording.clone(), message }),
+        };
+        if frame.room.is_empty() { unlabeled.push(frame) } else { labeled.push(frame) }
+    }
+    if let (Some(rooms), true) = (&rooms, labeled.is_empty() && !unlabeled.is_empty()) {
+        let span = |frames: &[Frame]| {
+            frames.first().and_then(|frame| frame.time).zip(frames.last().and_then(|frame| frame.time))
+        };
+        let (from, to) = span(&unlabeled).unwrap_or_default();
+        return Err(unusable(&recording, rooms.why_none(from, to)));
+    }
+    dataset.frames.extend(labeled);
+    dataset.unlabeled.extend(unlabeled);
+    Ok(())
+}
+
+/// The topic whose pictures are taken.
+fn topic_of_pictures(recording: &Recording, taking: &Taking) -> Result<usize, DatasetError> {
+    let topics = recording.topics();
+    let pictures: Vec<usize> = (0..topics.len()).filter(|&idx| topics[idx].kind().is_picture()).collect();
+    if let Some(name) = &taking.topic {
+        return pictures.iter().copied().find(|&idx| topics[idx].name == *name).ok_or_else(|| {
+            let why = match topics.iter().find(|topic| topic.name == *name) {
+                Some(topic) => format!("the topic {topic} holds no pictures that are read"),
+                None => format!("there is no topic {name}"),
+            };
+            unusable(recording, format!("{why}; pictures are recorded under {}", named(topics, &pictures)))
+        });
+    }
+    match &pictures[..] {
+        [only] => Ok(*only),
+        [] => {
+            let all: Vec<usize> = (0..topics.len()).collect();
+            Err(unusable(recording, format!("no topic holds pictures; there are {}", named(topics, &all))))
+        }
+        _ => Err(unusable(
+            recording,
+            format!("several topics hold pictures: choose one with --topic: {}", named(topics, &pictures)),
+        )),
+    }
+}
+
+/// Topics by name and type, some of many.
+fn named(topics: &[Topic], idxs: &[usize]) -> String {
+    let mut names: Vec<String> = idxs.iter().take(MAX_NAMED).map(|&idx| topics[idx].to_string()).collect();
+    if idxs.len() > MAX_NAMED {
+        names.push(format!("{} more", idxs.len() - MAX_NAMED));
+    }
+    if names.is_empty() { "none".to_owned() } else { names.join(", ") }
+}
+
+/// When each picture was taken, by the clock that is wanted.
+fn times(
+    dataset: &mut Dataset,
+    recording: &Recording,
+    messages: &[Message],
+    clock: Clock,
+) -> Vec<Option<u64>> {
+    if clock == Clock::Recorder {
+        return messages.iter().map(|message| Some(message.time_ns)).collect();
+    }
+    let stamp = |message: &Message| {
+        let bytes = recording.read(message).map_err(|error| error.to_string())?;
+        let stamp_ns = stamp_ns(&recording.topics()[message.topic_idx], &bytes);
+        stamp_ns.map_err(|error| error.to_string())?.ok_or_else(|| "a picture without a stamp".to_owned())
+    };
+    let mut times = Vec::with_capacity(messages.len());
+    for message in messages {
+        match stamp(message) {
+            Ok(time_ns) => times.push(Some(time_ns)),
+            Err(reason) => {
+                dataset.problems.push(Problem::new(recording.path(), reason));
+                times.push(None);
+            }
+        }
+    }
+    times
+}
+
+/// What tells rooms.
+enum Rooms {
+    Track(RoomTrack),
+    Map(RoomMap),
+}
+
+impl Rooms {
+    /// Of a recording; none where nothing tells them.
+    fn of(recording: &Recording, taking: &Taking, first_ns: u64) -> Result<Option<Self>, DatasetError> {
+        if let Some(topic) = &taking.room_topic {
+            return Ok(Some(Self::Track(RoomTrack::of_topic(recording, topic)?)));
+        }
+        if let Some(map) = &taking.map {
+            return Ok(Some(Self::Map(RoomMap::read(map)?)));
+        }
+        let beside = taking.labels.clone().or_else(|| labels::beside(recording.path()));
+        let read = |path: PathBuf| RoomTrack::read(&path, first_ns).map(Self::Track);
+        beside.map(read).transpose()
+    }
+
+    /// The room where a robot was at a time.
+    fn at(&self, time_ns: u64, pose: Option<&super::Pose>) -> Option<&str> {
+        match self {
+            Self::Track(track) => track.at(time_ns),
+            Self::Map(map) => map.at(pose?),
+        }
+    }
+
+    /// Why no picture from one time to another, in seconds, has a room.
+    fn why_none(&self, from: f64, to: f64) -> String {
+        match self {
+            Self::Track(track) => track.why_none(from, to),
+            Self::Map(_) => {
+                "no pose of it lies in a room of the map: is the map in other coordinates?".to_owned()
+            }
+        }
+    }
+}
