@@ -36,6 +36,7 @@ COPY crates/lab/Cargo.toml crates/lab/
 COPY crates/protocol/Cargo.toml crates/protocol/
 COPY crates/python/Cargo.toml crates/python/
 COPY crates/recognition/Cargo.toml crates/recognition/
+COPY crates/recording/Cargo.toml crates/recording/
 COPY crates/vision/Cargo.toml crates/vision/
 COPY benches benches
 COPY build.rs ./

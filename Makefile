@@ -9,7 +9,7 @@ FEATURES := --all-features
 BUILD_FOR_TESTS := cargo build --workspace --lib --bins --tests $(FEATURES)
 
 # What is fuzzed, and for how long each.
-TARGETS ?= archive described lists model networks oip pictures service settings stream
+TARGETS ?= archive described lists model networks oip pictures recordings service settings stream
 MINUTES ?= 1
 # Temporary files in memory where the system has such a place.
 FUZZ_TMP := $(firstword $(wildcard /dev/shm) /tmp)
@@ -20,6 +20,9 @@ MOTO := 'moto[s3]' flask flask-cors
 # What the matrix of pictures is made with.
 PILLOW := Pillow numpy
 PICTURES := target/pictures
+# What recordings are written with.
+RECORDERS := rosbags mcap foxglove-schemas-protobuf
+RECORDINGS := target/recordings
 # What networks are made with, beside numpy.
 ONNX := onnx blake3
 # A cluster, which the tests of roomsight.distributed start.
@@ -117,11 +120,14 @@ test-python: tools
 	@if $(PYTHON) -c 'import venv, ensurepip' 2>/dev/null && $(MAKE) --no-print-directory $(STAMP); then \
 	  $(BUILD_FOR_TESTS) && ln -sf ../../../../$(or $(wildcard target/debug/lib_core.dylib),target/debug/lib_core.so) clients/python/src/roomsight/_core.abi3.so && \
 	  PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
+	  PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover ros2/roomsight_ros/test && \
 	  cargo test --workspace $(FEATURES) --lib repository::bucket && \
 	  $(VENV)/bin/python crates/vision/tests/pictures/matrix.py $(PICTURES) && \
-	  ROOMSIGHT_PICTURES=$(CURDIR)/$(PICTURES) cargo test --workspace $(FEATURES) --test it pictures::; \
+	  ROOMSIGHT_PICTURES=$(CURDIR)/$(PICTURES) cargo test --workspace $(FEATURES) --test it pictures:: && \
+	  $(VENV)/bin/python crates/recording/tests/recordings/matrix.py $(RECORDINGS) && \
+	  ROOMSIGHT_RECORDINGS=$(CURDIR)/$(RECORDINGS) cargo test --workspace $(FEATURES) --test it recordings::; \
 	else \
-	  echo "LEFT OUT: the tests of the Python client, of Triton's, of buckets and of pictures beside Pillow's. They take python3 with venv, and its packages from an index." >&2; \
+	  echo "LEFT OUT: the tests of the Python client, of Triton's, of buckets, and of pictures and recordings beside those of other libraries. They take python3 with venv, and its packages from an index." >&2; \
 	fi
 
 test-deploy: tools ## what deploy/ holds, by the tools that take it; UPDATE=1 writes the manifests anew
@@ -133,7 +139,7 @@ test-deploy: tools ## what deploy/ holds, by the tools that take it; UPDATE=1 wr
 
 $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW) $(ONNX) $(DASK)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW) $(ONNX) $(DASK) $(RECORDERS)
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DENY) || true
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DEPLOY) $(MATURIN) || true
 	@touch $(STAMP)

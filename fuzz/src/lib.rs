@@ -10,7 +10,7 @@ pub use service::{exchange, robots_key, service, start_service};
 
 use roomsight::repository::package;
 use roomsight::settings::Settings;
-use roomsight_lab::dataset;
+use roomsight_lab::dataset::{self, Clock, Taking};
 use roomsight_protocol::header::Header;
 use roomsight_protocol::oip::request::Inference;
 use roomsight_protocol::oip::{IndexRequest, LoadRequest};
@@ -21,6 +21,8 @@ use roomsight_recognition::model::{
     self, Config, Extractor, Model, NetworkStore, OpinionConfig, PatternsConfig, Scratch,
     features_from_bytes, features_to_bytes, try_model,
 };
+use roomsight_recording::Recording;
+use roomsight_recording::message::{Picture, located, stamp_ns, text};
 use roomsight_vision::camera::{Camera, Projection};
 use roomsight_vision::image::{Image, Limits};
 use roomsight_vision::network::{Description, Network, NetworkError};
@@ -256,6 +258,44 @@ pub fn lists(bytes: &[u8]) {
             let path = fs::canonicalize(&frame.path).expect("only files that are there are listed");
             assert!(path.starts_with(&root), "{}", path.display());
             assert!(!frame.room.is_empty());
+        }
+    }
+}
+
+/// A recording with a list and a map of its rooms: every message is read, or refused, and taken as a data set in each way.
+pub fn recordings(bytes: &[u8]) {
+    let [labels, map, recording] = parts(bytes);
+    let room = TempDir::new().expect("a temporary folder");
+    let [labels_file, map_file, run] =
+        ["labels.csv", "rooms.yaml", "run.mcap"].map(|name| room.path().join(name));
+    let as_json = map_file.with_extension("geojson");
+    for (file, bytes) in [(&labels_file, labels), (&map_file, map), (&as_json, map), (&run, recording)] {
+        fs::write(file, bytes).expect("room for a small file");
+    }
+    if let Ok(recording) = Recording::open(&run) {
+        let all: Vec<usize> = (0..recording.topics().len()).collect();
+        let (messages, _) = recording.messages(&all).unwrap_or_default();
+        assert!(messages.is_sorted_by_key(|message| message.time_ns));
+        for message in &messages {
+            let Ok(bytes) = recording.read(message) else { continue };
+            let topic = &recording.topics()[message.topic_idx];
+            let _ = (stamp_ns(topic, &bytes), text(topic, &bytes), located(topic, &bytes));
+            if let Ok(picture) = Picture::read(topic, &bytes) {
+                assert!(topic.kind().is_picture());
+                let _ = Image::decode(&picture.encoded, &limits());
+            }
+        }
+    }
+    let room_topic = Some("/room".to_owned());
+    for taking in [
+        Taking { labels: Some(labels_file), clock: Clock::Stamps, ..Taking::default() },
+        Taking { room_topic, rate: Some(1.0), ..Taking::default() },
+        Taking { map: Some(map_file), ..Taking::default() },
+        Taking { map: Some(as_json), pose_topic: Some("/tf".to_owned()), ..Taking::default() },
+    ] {
+        if let Ok(dataset) = dataset::open_for(&run, &[], &taking) {
+            assert!(dataset.frames.iter().all(|frame| !frame.room.is_empty()));
+            assert!(dataset.unlabeled.iter().all(|frame| frame.room.is_empty()));
         }
     }
 }

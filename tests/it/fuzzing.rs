@@ -16,6 +16,7 @@ use roomsight_recognition::model::{
     Representation, Sample, Scratch,
 };
 use roomsight_recognition::vocabulary;
+use roomsight_recording::write::JsonRecording;
 use roomsight_vision::camera::{Camera, Projection};
 use roomsight_vision::image::{Image, Limits};
 use roomsight_vision::network::Network;
@@ -31,7 +32,7 @@ struct Target {
     seeds: Vec<Vec<u8>>,
 }
 
-fn all_targets() -> [Target; 10] {
+fn all_targets() -> [Target; 11] {
     [
         Target { name: "archive", run: targets::archive, seeds: archives() },
         Target { name: "described", run: targets::described, seeds: described() },
@@ -40,6 +41,7 @@ fn all_targets() -> [Target; 10] {
         Target { name: "networks", run: targets::networks, seeds: networks() },
         Target { name: "oip", run: targets::oip, seeds: oip() },
         Target { name: "pictures", run: targets::pictures, seeds: pictures() },
+        Target { name: "recordings", run: targets::recordings, seeds: recordings() },
         Target { name: "service", run: targets::service, seeds: service() },
         Target { name: "settings", run: targets::settings, seeds: settings() },
         Target { name: "stream", run: targets::stream, seeds: stream() },
@@ -185,6 +187,86 @@ fn lists() -> Vec<Vec<u8>> {
     let windows = "\u{feff}\"Place\";\"File\"\r\n\"k\u{fc}che\";\"a\\1.jpg\"\r\n";
     let [manifest, labels, windows] = [manifest, labels, windows].map(str::as_bytes);
     vec![joined(&[manifest, labels]), joined(&[windows, b"\xff\xfet\x001\x00"])]
+}
+
+/// A recording of MCAP, with an end and without, and a bag, each with a list and a map of its rooms.
+fn recordings() -> Vec<Vec<u8>> {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("run.mcap");
+    let mut mcap = JsonRecording::create(&path).unwrap();
+    let schema = serde_json::json!({"type": "object"});
+    let packed = mcap.channel("/camera", "foxglove.CompressedImage", &schema).unwrap();
+    let raw = mcap.channel("/raw", "foxglove.RawImage", &schema).unwrap();
+    for seconds in 0..3 {
+        let timestamp = serde_json::json!({"sec": seconds + 1, "nsec": 5});
+        let picture = serde_json::json!({"timestamp": timestamp, "frame_id": "c", "format": "pgm", "data": "UDUgMSAxIDI1NSAw"});
+        mcap.write(packed, seconds * 1_000_000_000, &picture).unwrap();
+        let pixels = serde_json::json!({"timestamp": timestamp, "frame_id": "c", "width": 2, "height": 1,
+            "encoding": "yuv422", "step": 4, "data": "gBCAEA=="});
+        mcap.write(raw, seconds * 1_000_000_000, &pixels).unwrap();
+    }
+    mcap.finish().unwrap();
+    let mcap = fs::read(path).unwrap();
+    let labels = b"time,room\n0,hall\n0:02,kitchen\n";
+    let map = b"rooms:\n- {name: hall, polygon: [[0,0],[4,0],[4,2]]}\n";
+    let json = br#"{"type":"FeatureCollection","features":[{"type":"Feature","properties":{"name":"a"},"geometry":{"type":"Polygon","coordinates":[[[0,0],[1,0],[1,1]]]}}]}"#;
+    vec![
+        joined(&[labels, map, &mcap]),
+        joined(&[b"start;end;room\n0;1;a\n", json, &mcap[..mcap.len() / 2]]),
+        joined(&[labels, map, &bag()]),
+    ]
+}
+
+/// A bag of ROS 1 with a pose, a transform, a text and a picture, whose index names the connections.
+fn bag() -> Vec<u8> {
+    let block = |bytes: &[u8]| [&(bytes.len() as u32).to_le_bytes(), bytes].concat();
+    let header = |fields: &[(&str, &[u8])]| {
+        let fields = fields.iter().map(|(name, value)| block(&[name.as_bytes(), b"=", value].concat()));
+        block(&fields.collect::<Vec<_>>().concat())
+    };
+    let record = |fields: &[(&str, &[u8])], data: &[u8]| [header(fields), block(data)].concat();
+    let stamped = [&[0; 12][..], &block(b"map")].concat();
+    let pose = [0.5_f64, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0].map(f64::to_le_bytes).concat();
+    let picture = [&stamped, &block(b"jpeg"), &block(b"P5 1 1 255 0")[..]].concat();
+    let transforms = [&[1, 0, 0, 0], &stamped[..], &block(b"base_link"), &pose].concat();
+    let messages = [
+        ("/camera", "sensor_msgs/CompressedImage", picture),
+        ("/pose", "geometry_msgs/PoseStamped", [&stamped[..], &pose].concat()),
+        ("/tf", "tf2_msgs/TFMessage", transforms),
+        ("/room", "std_msgs/String", block(b"hall")),
+    ];
+    let (mut connections, mut chunk, mut index) = (Vec::new(), Vec::new(), Vec::new());
+    let time = [1, 0, 0, 0, 0, 0, 0, 0];
+    for (number, (topic, type_name, message)) in (0_u32..).zip(&messages) {
+        let number = number.to_le_bytes();
+        let about =
+            [block(format!("topic={topic}").as_bytes()), block(format!("type={type_name}").as_bytes())]
+                .concat();
+        connections.extend(record(&[("op", &[7]), ("conn", &number), ("topic", topic.as_bytes())], &about));
+        let place = [&time[..], &(chunk.len() as u32).to_le_bytes()].concat();
+        index.extend(record(
+            &[("op", &[4]), ("ver", &[1, 0, 0, 0]), ("conn", &number), ("count", &[1, 0, 0, 0])],
+            &place,
+        ));
+        chunk.extend(record(&[("op", &[2]), ("conn", &number), ("time", &time)], message));
+    }
+    let begins = b"#ROSBAG V2.0\n";
+    let first = |index_at: u64| {
+        record(&[("op", &[3]), ("index_pos", &index_at.to_le_bytes()), ("conn_count", &[4, 0, 0, 0])], &[])
+    };
+    let chunk_at = (begins.len() + first(0).len()) as u64;
+    let size = (chunk.len() as u32).to_le_bytes();
+    let chunk = record(&[("op", &[5]), ("compression", b"none"), ("size", &size)], &chunk);
+    let index_at = chunk_at + (chunk.len() + index.len()) as u64;
+    let counts: Vec<u8> =
+        (0..4_u32).flat_map(|number| [number.to_le_bytes(), 1_u32.to_le_bytes()].concat()).collect();
+    let info = [
+        ("op", &[6][..]),
+        ("chunk_pos", &chunk_at.to_le_bytes()),
+        ("start_time", &time),
+        ("end_time", &time),
+    ];
+    [&begins[..], &first(index_at), &chunk, &index, &connections, &record(&info, &counts)].concat()
 }
 
 /// A network of two operations with weights, any number of rows and names of all kinds, as its description says and

@@ -1,0 +1,1 @@
+"""Tells a robot which room it is in: subscribes pictures, publishes rooms."""
