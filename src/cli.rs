@@ -28,6 +28,7 @@ mod serve;
 mod service;
 mod shell;
 mod simulate;
+mod stream;
 mod train;
 mod tune;
 mod validate;
@@ -75,6 +76,7 @@ enum Command {
     Serve(serve::ServeArgs),
     Models(models::ModelsArgs),
     Replay(replay::ReplayArgs),
+    Stream(stream::StreamArgs),
     Data(data_directory::DataDirectoryArgs),
     Key(key::KeyArgs),
     Health(health::HealthArgs),
@@ -134,6 +136,7 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Serve(args) => serve::run(&args),
         Command::Models(args) => models::run(&args),
         Command::Replay(args) => replay::run(&args),
+        Command::Stream(args) => stream::run(&args),
         Command::Data(args) => data_directory::run(&args),
         Command::Key(args) => key::run(&args),
         Command::Health(args) => health::run(&args),

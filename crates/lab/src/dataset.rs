@@ -160,7 +160,7 @@ pub fn open_for(path: &Path, rooms: &[String], taking: &Taking) -> Result<Datase
         false => manifest::read(path)?,
     };
     dataset.settle_names();
-    dataset.frames.sort_by(in_order);
+    dataset.sort();
     Ok(dataset)
 }
 
@@ -226,9 +226,21 @@ impl Dataset {
 
     /// The same with the frames without a room among the others: what is only answered, or played, needs none.
     pub fn with_unlabeled(mut self) -> Self {
-        self.frames.append(&mut self.unlabeled);
-        self.frames.sort_by(in_order);
+        let mut unlabeled = std::mem::take(&mut self.unlabeled);
+        if self.frames.is_empty() {
+            self.frames = unlabeled;
+        } else {
+            self.frames.append(&mut unlabeled);
+        }
+        self.sort();
         self
+    }
+
+    fn sort(&mut self) {
+        // Sorting takes room, which a long recording, in order as it is, is not to need.
+        if !self.frames.is_sorted_by(|one, other| in_order(one, other).is_le()) {
+            self.frames.sort_by(in_order);
+        }
     }
 
     /// Reads the picture of a frame that is called so, or else a file.
@@ -244,8 +256,12 @@ impl Dataset {
     /// problem. Which names of rooms became one is noted.
     fn settle_names(&mut self) {
         let mut spellings: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-        let unlabeled = std::mem::take(&mut self.unlabeled);
-        for mut frame in std::mem::take(&mut self.frames).into_iter().chain(unlabeled) {
+        // Of their size at once: there may be very many.
+        let empty_like = |frames: &Vec<Frame>| Vec::with_capacity(frames.len());
+        let (no_frames, no_unlabeled) = (empty_like(&self.frames), empty_like(&self.unlabeled));
+        let frames = std::mem::replace(&mut self.frames, no_frames);
+        let unlabeled = std::mem::replace(&mut self.unlabeled, no_unlabeled);
+        for mut frame in frames.into_iter().chain(unlabeled) {
             let room = names::settled(&frame.room);
             let room = if room.eq_ignore_ascii_case(ELSEWHERE) { ELSEWHERE.to_owned() } else { room };
             frame.sequence = names::settled(&frame.sequence);

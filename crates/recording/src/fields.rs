@@ -1,6 +1,6 @@
 //! The fields of a message one after the other, of a stranger: each is there, or an error.
 
-use super::MessageError;
+use crate::error::MessageError;
 
 /// Reads fields from the beginning of bytes.
 #[derive(Clone, Debug)]

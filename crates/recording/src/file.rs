@@ -12,7 +12,7 @@ mod blocks;
 mod mcap;
 mod sqlite;
 
-use crate::RecordingError;
+use crate::error::RecordingError;
 use crate::topic::Topic;
 use std::fs::File;
 use std::io::{self, Read};

@@ -9,9 +9,11 @@
 //! | `recording` | a recording: a file, or a folder of rosbag2 |
 //! | `file` | the files that recordings are in |
 //! | `topic` | what is recorded under a name |
+//! | `error` | why something cannot be read |
 //! | `message`, `fields` | what messages tell; the fields of a message |
 //! | `write` | recordings of JSON messages |
 
+mod error;
 mod fields;
 mod file;
 pub mod message;
@@ -19,6 +21,6 @@ mod recording;
 mod topic;
 pub mod write;
 
-pub use message::MessageError;
-pub use recording::{Message, Recording, RecordingError, is_called_so};
+pub use error::{MessageError, RecordingError};
+pub use recording::{Message, Recording, is_called_so};
 pub use topic::{Encoding, Kind, Topic};

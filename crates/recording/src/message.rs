@@ -15,40 +15,9 @@ mod pose;
 pub use picture::Picture;
 pub use pose::{Located, located};
 
+use crate::error::MessageError;
 use crate::fields::Fields;
 use crate::topic::{Encoding, Kind, Topic};
-
-/// Why a message tells nothing.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum MessageError {
-    /// It ends too early.
-    #[error("a message ends before what it should hold")]
-    Short,
-    /// Fields lie in a way that is not read.
-    #[error("a message is written in a representation that is not read ({0:02x?}): plain CDR is")]
-    Representation([u8; 2]),
-    /// A message of another type is asked for a picture or the like.
-    #[error("messages of the type {0} are not read")]
-    Type(String),
-    /// Pixels that are not read.
-    #[error("pictures of the encoding `{0}` are not read: {1}")]
-    Pixels(String, &'static str),
-    /// Fewer pixels than the message says.
-    #[error("a picture of {width} x {height} pixels, {step} bytes a row, has {n_bytes} bytes")]
-    TooFewPixels {
-        /// In pixels.
-        width: u32,
-        /// In pixels.
-        height: u32,
-        /// Bytes from a row to the next.
-        step: u32,
-        /// That are there.
-        n_bytes: usize,
-    },
-    /// No protocol buffer, or no JSON.
-    #[error("a message is damaged: {0}")]
-    Damaged(String),
-}
 
 /// The fields of a message of ROS.
 fn fields<'a>(topic: &Topic, message: &'a [u8]) -> Result<Fields<'a>, MessageError> {

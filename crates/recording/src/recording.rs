@@ -1,5 +1,6 @@
 //! A recording: a file, or a folder of the files that rosbag2 wrote one after the other.
 
+use crate::error::RecordingError;
 use crate::file::{Contents, Entry, Place, RecordedFile, Span};
 use crate::topic::Topic;
 use std::fs;
@@ -11,39 +12,6 @@ const METADATA_FILE: &str = "metadata.yaml";
 
 /// How names of recordings end, in lower case.
 const ENDINGS: [&str; 5] = [".mcap", ".db3", ".bag", ".mcap.zstd", ".db3.zstd"];
-
-/// Why a recording, or something in it, cannot be read.
-#[derive(Debug, thiserror::Error)]
-pub enum RecordingError {
-    /// The operating system refused.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// What was being read.
-        path: PathBuf,
-        /// What the system said.
-        source: io::Error,
-    },
-    /// Something else.
-    #[error("{}: no recording: MCAP, a database of rosbag2 and bags of ROS 1 are read", .0.display())]
-    NoRecording(PathBuf),
-    /// A folder of rosbag2 without any.
-    #[error("{}: a folder of rosbag2 without a recording in it", .0.display())]
-    Empty(PathBuf),
-    /// Not as it was written.
-    #[error("{}: damaged: {reason}", path.display())]
-    Damaged {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong.
-        reason: String,
-    },
-}
-
-impl RecordingError {
-    pub(crate) fn io(path: &Path) -> impl Fn(io::Error) -> Self + '_ {
-        |source| Self::Io { path: path.to_owned(), source }
-    }
-}
 
 /// What was recorded on one way of a robot.
 #[derive(Debug)]

@@ -1,10 +1,12 @@
 //! The commands as a person at a terminal sees them: output, files, exit codes.
 
+mod camera;
 mod check;
 mod data;
 mod defaults;
 mod manners;
 mod models;
+mod recordings;
 mod train;
 
 use serde_json::Value;

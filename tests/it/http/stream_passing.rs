@@ -194,6 +194,8 @@ struct Endings {
     n_lost: u64,
     /// Streams that began with a filter that knows nothing.
     n_begun_anew: u64,
+    /// By another service.
+    n_taken_over: u64,
 }
 
 /// What each robot sends.
@@ -232,7 +234,9 @@ async fn lasting_drive(url: String, idx: u32) -> Endings {
         }
         if stream.hello().session != session {
             session.clone_from(&stream.hello().session);
-            endings.n_begun_anew += u64::from(!stream.hello().resumed);
+            let is_taken_over = stream.hello().resumed;
+            endings.n_taken_over += u64::from(is_taken_over);
+            endings.n_begun_anew += u64::from(!is_taken_over);
         }
         sleep(Duration::from_millis(15)).await;
     }
@@ -278,14 +282,14 @@ async fn while_services_are_killed_and_stopped_every_frame_has_one_ending_and_no
         all.n_superseded += endings.n_superseded;
         all.n_lost += endings.n_lost;
         all.n_begun_anew += endings.n_begun_anew;
+        all.n_taken_over += endings.n_taken_over;
     }
     let n_told = all.n_results + all.n_superseded + all.n_lost;
     assert_eq!((n_told, all.n_begun_anew), (u64::from(N_ROBOTS) * N_FRAMES, 0), "{all:?}");
     assert!(all.n_lost > 0, "the kills cost something: {all:?}");
-    let mut n_taken_over = 0;
+    // By the robots: the services that took most of them over are killed too.
+    assert!(all.n_taken_over > 0, "{all:?}");
     for service in &services {
-        n_taken_over += takeovers(&service.url, "done").await;
         assert_eq!(takeovers(&service.url, "refused").await, 0);
     }
-    assert!(n_taken_over > 0, "{all:?}");
 }

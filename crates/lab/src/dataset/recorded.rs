@@ -104,7 +104,7 @@ pub(super) fn read(root: &Path, paths: &[PathBuf], taking: &Taking) -> Result<Da
     let mut dataset = Dataset::new(root, Format::Recording);
     for path in paths {
         match Recording::open(path) {
-            Ok(recording) => add(&mut dataset, Arc::new(recording), taking)?,
+            Ok(recording) => add(&mut dataset, &Arc::new(recording), taking)?,
             Err(error) => dataset.report(path, error.to_string()),
         }
     }
@@ -116,23 +116,23 @@ fn unusable(recording: &Recording, reason: impl Into<String>) -> DatasetError {
     DatasetError::Recording { path: recording.path().to_owned(), reason: reason.into() }
 }
 
-fn add(dataset: &mut Dataset, recording: Arc<Recording>, taking: &Taking) -> Result<(), DatasetError> {
+fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Result<(), DatasetError> {
     let path = recording.path().to_owned();
     recording.problems().iter().for_each(|problem| dataset.note(&path, problem.as_str()));
-    let topic_idx = topic_of_pictures(&recording, taking)?;
+    let topic_idx = topic_of_pictures(recording, taking)?;
     let (messages, problems) =
-        recording.messages(&[topic_idx]).map_err(|error| unusable(&recording, error.to_string()))?;
+        recording.messages(&[topic_idx]).map_err(|error| unusable(recording, error.to_string()))?;
     problems.into_iter().for_each(|problem| dataset.report(&path, problem));
-    let times = times(dataset, &recording, &messages, taking.clock);
+    let times = times(dataset, recording, &messages, taking.clock);
     let Some(first_ns) = times.iter().flatten().min().copied() else {
         dataset.report(&path, format!("no picture is recorded under {}", recording.topics()[topic_idx].name));
         return Ok(());
     };
-    let poses = PoseTrack::of(&recording, taking)?;
-    let rooms = Rooms::of(&recording, taking, first_ns)?;
+    let poses = PoseTrack::of(recording, taking)?;
+    let rooms = Rooms::of(recording, taking, first_ns)?;
     let sequence = files::name(&path).split('.').next().unwrap_or_default().to_owned();
     let mut last_ns = None;
-    let (mut labeled, mut unlabeled) = (Vec::new(), Vec::new());
+    let (n_labeled, n_unlabeled) = (dataset.frames.len(), dataset.unlabeled.len());
     for (message, time_ns) in messages.into_iter().zip(times) {
         let Some(time_ns) = time_ns.filter(|time_ns| taking.wants(*time_ns, first_ns, last_ns)) else {
             continue;
@@ -140,28 +140,25 @@ fn add(dataset: &mut Dataset, recording: Arc<Recording>, taking: &Taking) -> Res
         last_ns = Some(time_ns);
         let pose = poses.as_ref().and_then(|poses| poses.at(time_ns));
         let room = rooms.as_ref().and_then(|rooms| rooms.at(time_ns, pose.as_ref()));
-        let time = (time_ns as f64) / SECOND;
         let frame = Frame {
             path: path.join(format!("{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000)),
             room: room.unwrap_or_default().to_owned(),
             sequence: sequence.clone(),
             camera: CameraKind::Perspective,
             split: String::new(),
-            time: Some(time),
+            time: Some(time_ns as f64 / SECOND),
             pose,
             recorded: Some(RecordedPicture { recording: recording.clone(), message }),
         };
-        if frame.room.is_empty() { unlabeled.push(frame) } else { labeled.push(frame) }
+        if frame.room.is_empty() { dataset.unlabeled.push(frame) } else { dataset.frames.push(frame) }
     }
-    if let (Some(rooms), true) = (&rooms, labeled.is_empty() && !unlabeled.is_empty()) {
-        let span = |frames: &[Frame]| {
-            frames.first().and_then(|frame| frame.time).zip(frames.last().and_then(|frame| frame.time))
-        };
-        let (from, to) = span(&unlabeled).unwrap_or_default();
-        return Err(unusable(&recording, rooms.why_none(from, to)));
+    let without = &dataset.unlabeled[n_unlabeled..];
+    if let (Some(rooms), [first, ..], [.., last]) = (&rooms, without, without)
+        && dataset.frames.len() == n_labeled
+    {
+        let [from, to] = [first, last].map(|frame| frame.time.unwrap_or_default());
+        return Err(unusable(recording, rooms.why_none(from, to)));
     }
-    dataset.frames.extend(labeled);
-    dataset.unlabeled.extend(unlabeled);
     Ok(())
 }
 

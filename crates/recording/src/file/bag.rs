@@ -3,9 +3,9 @@
 
 use super::blocks::{Blocks, Packing, Unpacked};
 use super::{BAG_MAGIC, Contents, ENDS_EARLY, Entry, Index, NO_INDEX, Place, Span, number_of};
+use crate::error::{MessageError, RecordingError};
 use crate::fields::Fields;
 use crate::topic::{Encoding, Topic};
-use crate::{MessageError, RecordingError};
 use std::collections::HashMap;
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! A file of blocks, each packed: read at any place, a few of them kept unpacked.
 
-use crate::RecordingError;
+use crate::error::RecordingError;
 use std::collections::VecDeque;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};

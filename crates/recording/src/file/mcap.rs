@@ -2,7 +2,7 @@
 
 use super::blocks::{Blocks, Packing, Unpacked};
 use super::{Contents, ENDS_EARLY, Entry, Index, NO_INDEX, Place, Span, number_of};
-use crate::RecordingError;
+use crate::error::RecordingError;
 use crate::fields::Fields;
 use crate::topic::{Encoding, Topic};
 use mcap::records::{ChunkIndex, Record, op};
@@ -160,9 +160,8 @@ impl McapFile {
             match op {
                 op::FOOTER | op::DATA_END => break,
                 op::CHUNK if n_bytes <= MAX_RECORD_BYTES => {
-                    if let Err(problem) = self.scan_chunk(at, n_bytes, &mut on_record)? {
-                        problems.push(problem);
-                    }
+                    let body = self.blocks.read(body, n_bytes)?;
+                    problems.extend(scan_chunk(at, &body, &mut on_record));
                 }
                 op::SCHEMA | op::CHANNEL | op::MESSAGE if !is_cut && n_bytes <= MAX_RECORD_BYTES => {
                     let bytes = self.blocks.read(body, n_bytes)?;
@@ -180,36 +179,6 @@ impl McapFile {
             at = body + n_bytes;
         }
         Ok(problems)
-    }
-
-    /// The same of a chunk, which may end with the file; the inner result is what is wrong with it.
-    fn scan_chunk(
-        &self,
-        at: u64,
-        n_bytes: u64,
-        on_record: &mut impl FnMut(&Record, Place),
-    ) -> Result<Result<(), String>, RecordingError> {
-        let body = self.blocks.read(at + HEAD_BYTES, n_bytes)?;
-        let Unpacked { bytes, cut } = match unpacked(&body) {
-            Ok(unpacked) => unpacked,
-            Err(reason) => return Ok(Err(reason)),
-        };
-        let mut within = 0;
-        while let Some(RecordHead { op, n_bytes }) = RecordHead::read(&bytes[within..]) {
-            let body =
-                bytes[within + HEAD_BYTES as usize..].get(..usize::try_from(n_bytes).unwrap_or(usize::MAX));
-            let (Some(body), Ok(offset)) = (body, u32::try_from(within)) else { break };
-            if let op::SCHEMA | op::CHANNEL | op::MESSAGE = op
-                && let Ok(record) = parse_record(op, body)
-            {
-                on_record(&record, Place { at, within: Some(offset) });
-            }
-            within += HEAD_BYTES as usize + body.len();
-        }
-        Ok(match cut {
-            Some(reason) => Err(format!("a chunk is damaged, and read up to there: {reason}")),
-            None => Ok(()),
-        })
     }
 
     /// The messages of the topics that are wanted.
@@ -282,15 +251,32 @@ impl McapFile {
         };
         let block = self.blocks.block(place.at, || {
             let body = self.blocks.read(place.at + HEAD_BYTES, head.n_bytes)?;
-            Ok(unpacked(&body).map_err(damaged_by(&self.blocks))?.bytes)
+            Ok(unpacked(&body).map_err(|reason| self.blocks.damaged(reason))?.bytes)
         })?;
         let bytes = block.get(within as usize..).unwrap_or_default();
         record(bytes).ok_or_else(|| damaged("a chunk ends before a message"))
     }
 }
 
-fn damaged_by(blocks: &Blocks) -> impl Fn(String) -> RecordingError + '_ {
-    |reason| blocks.damaged(reason)
+/// Calls `on_record` with the records of a chunk, whose record at `at` has this body, which may end early. Returns what is wrong with it.
+fn scan_chunk(at: u64, body: &[u8], on_record: &mut impl FnMut(&Record, Place)) -> Option<String> {
+    let Unpacked { bytes, cut } = match unpacked(body) {
+        Ok(unpacked) => unpacked,
+        Err(reason) => return Some(reason),
+    };
+    let mut within = 0;
+    while let Some(RecordHead { op, n_bytes }) = RecordHead::read(&bytes[within..]) {
+        let rest = &bytes[within + HEAD_BYTES as usize..];
+        let body = rest.get(..usize::try_from(n_bytes).unwrap_or(usize::MAX));
+        let (Some(body), Ok(offset)) = (body, u32::try_from(within)) else { break };
+        if let op::SCHEMA | op::CHANNEL | op::MESSAGE = op
+            && let Ok(record) = parse_record(op, body)
+        {
+            on_record(&record, Place { at, within: Some(offset) });
+        }
+        within += HEAD_BYTES as usize + body.len();
+    }
+    cut.map(|reason| format!("a chunk is damaged, and read up to there: {reason}"))
 }
 
 /// Whether a summary tells where all messages lie.
@@ -307,7 +293,7 @@ fn unpacked(body: &[u8]) -> Result<Unpacked, String> {
     let mut head = || {
         let (_first, _last, n_bytes) = (fields.u64()?, fields.u64()?, fields.u64()?);
         let (checksum, packing, n_packed) = (fields.u32()?, fields.text()?, fields.u64()?);
-        Ok::<_, crate::MessageError>((n_bytes, checksum, packing, n_packed))
+        Ok::<_, crate::error::MessageError>((n_bytes, checksum, packing, n_packed))
     };
     let (n_bytes, checksum, packing, n_packed) = head().map_err(|error| error.to_string())?;
     let packing =

@@ -2,7 +2,7 @@
 
 use super::blocks::{Packing, Unpacked};
 use super::{Contents, Entry, Index, Place, Span, ZSTD_MAGIC};
-use crate::RecordingError;
+use crate::error::RecordingError;
 use crate::topic::{Encoding, Topic};
 use rusqlite::{Connection, OpenFlags, OptionalExtension};
 use std::collections::HashMap;

@@ -1,6 +1,6 @@
 //! The messages of Foxglove (<https://docs.foxglove.dev/docs/visualization/message-schemas>) that hold pictures.
 
-use super::MessageError;
+use crate::error::MessageError;
 use crate::topic::Encoding;
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;

@@ -1,7 +1,8 @@
 //! Pictures in messages.
 
 use super::pixels::{Layout, Pixels};
-use super::{Header, MessageError, fields, foxglove};
+use super::{Header, fields, foxglove};
+use crate::error::MessageError;
 use crate::topic::{Encoding, Kind, Topic};
 
 /// A picture that a robot took.

@@ -2,7 +2,7 @@
 //!
 //! The names of encodings are those of ROS (`sensor_msgs/image_encodings`) and Foxglove.
 
-use super::MessageError;
+use crate::error::MessageError;
 
 /// How pixels lie in memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,7 +99,7 @@ impl Pixels<'_> {
     /// # Errors
     /// Encodings that are not read, fewer pixels than there should be.
     pub(super) fn to_pnm(&self) -> Result<Vec<u8>, MessageError> {
-        let Layout { width, height, step, is_big_endian } = self.layout;
+        let Layout { width, height, is_big_endian, .. } = self.layout;
         let format = Format::of(self.encoding)?;
         let rows = self.rows(format)?;
         let is_gray = matches!(format, Format::Channels { order, .. } if order.len() == 1);
@@ -107,7 +107,6 @@ impl Pixels<'_> {
             Format::Channels { n_bytes, .. } | Format::Bayer { n_bytes, .. } => n_bytes,
             Format::Yuv422 { .. } => 1,
         };
-        let _ = step;
         let (kind, largest) = (if is_gray { 5 } else { 6 }, if n_bytes == 1 { 255 } else { 65535 });
         let mut pnm = format!("P{kind}\n{width} {height}\n{largest}\n").into_bytes();
         let numbers = rows.iter().map(|row| numbers(row, n_bytes, is_big_endian)).collect::<Vec<_>>();

@@ -1,6 +1,7 @@
 //! Where a robot is, by messages that tell it.
 
-use super::{Header, MessageError, fields};
+use super::{Header, fields};
+use crate::error::MessageError;
 use crate::fields::Fields;
 use crate::topic::{Kind, Topic};
 
