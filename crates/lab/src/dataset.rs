@@ -180,11 +180,13 @@ fn in_folder(path: &Path, rooms: &[String], taking: &Taking) -> Result<Dataset, 
     if let Some(list) = wrapped_manifest(&tree) {
         return manifest::read(list);
     }
-    let recordings = recorded::find(path).map_err(|error| DatasetError::io(path, error))?;
-    if recordings.is_empty() || tree.has_pictures() {
+    let recordings = if tree.has_pictures() { Vec::new() } else { recorded::find(path) };
+    if recordings.is_empty() {
         return folder::read(&tree, rooms);
     }
-    recorded::read(path, &recordings, taking)
+    let mut dataset = recorded::read(path, &recordings, taking)?;
+    dataset.problems.extend(tree.all_unreadable().into_iter().cloned());
+    Ok(dataset)
 }
 
 /// The manifest in the only folder of a folder, as archives are unpacked.
@@ -293,7 +295,7 @@ impl Dataset {
 
     /// The rooms, sorted, each once.
     pub fn rooms(&self) -> Vec<String> {
-        let of_rooms = self.frames.iter().filter(|frame| !frame.is_elsewhere());
+        let of_rooms = self.frames.iter().filter(|frame| !frame.is_elsewhere() && !frame.room.is_empty());
         let rooms: BTreeSet<&str> = of_rooms.map(|frame| frame.room.as_str()).collect();
         rooms.into_iter().map(str::to_owned).collect()
     }

@@ -23,15 +23,18 @@ use roomsight_recording::{Message, Recording, Topic, is_called_so};
 use roomsight_vision::camera::CameraKind;
 use roomsight_vision::image::Limits;
 use std::fmt;
-use std::io;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Nanoseconds of a second.
 const SECOND: f64 = 1e9;
 
-/// The names of several topics or rooms in an error.
+/// The most topics that an error names.
 const MAX_NAMED: usize = 12;
+
+/// How deep recordings may lie in folders, the given one included.
+const MAX_DEPTH: usize = 4;
 
 /// A picture in a recording.
 #[derive(Clone)]
@@ -84,19 +87,33 @@ impl RecordedPicture {
     }
 }
 
-/// The recordings in a folder; the folder itself where it is one.
-pub(super) fn find(path: &Path) -> io::Result<Vec<PathBuf>> {
+/// The recordings in a folder and in folders in it that can be read.
+pub(super) fn find(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    add_recordings(folder, MAX_DEPTH, &mut found);
+    found.sort_by(|one, other| files::natural_order(&one.to_string_lossy(), &other.to_string_lossy()));
+    found
+}
+
+fn add_recordings(path: &Path, n_deeper: usize, found: &mut Vec<PathBuf>) {
     if is_called_so(path) {
-        return Ok(vec![path.to_owned()]);
+        found.push(path.to_owned());
+    } else if path.is_dir() && n_deeper > 0 {
+        let entries = fs::read_dir(path).into_iter().flatten().filter_map(Result::ok);
+        entries.for_each(|entry| add_recordings(&entry.path(), n_deeper - 1, found));
     }
-    if !path.is_dir() {
-        return Ok(Vec::new());
-    }
-    let entries = std::fs::read_dir(path)?.collect::<io::Result<Vec<_>>>()?;
-    let mut paths: Vec<PathBuf> = entries.iter().map(std::fs::DirEntry::path).collect();
-    paths.retain(|path| is_called_so(path));
-    paths.sort_by(|one, other| files::natural_order(&one.to_string_lossy(), &other.to_string_lossy()));
-    Ok(paths)
+}
+
+/// What a drive is called: as its recording, with the folders in which it lies below the root.
+fn drive_name(root: &Path, recording: &Path) -> String {
+    let name = files::name(recording);
+    let stem = name.split('.').next().unwrap_or_default();
+    let folders = recording.parent().and_then(|folder| folder.strip_prefix(root).ok());
+    let folders = folders.into_iter().flat_map(Path::components);
+    let mut parts: Vec<String> =
+        folders.map(|part| part.as_os_str().to_string_lossy().into_owned()).collect();
+    parts.push(stem.to_owned());
+    parts.join("/")
 }
 
 /// The data set of these recordings: a drive each, called as its file.
@@ -130,7 +147,7 @@ fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Re
     };
     let poses = PoseTrack::of(recording, taking)?;
     let rooms = Rooms::of(recording, taking, first_ns)?;
-    let sequence = files::name(&path).split('.').next().unwrap_or_default().to_owned();
+    let sequence = drive_name(&dataset.root, &path);
     let mut last_ns = None;
     let (n_labeled, n_unlabeled) = (dataset.frames.len(), dataset.unlabeled.len());
     for (message, time_ns) in messages.into_iter().zip(times) {

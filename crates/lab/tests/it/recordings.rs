@@ -5,7 +5,7 @@ use roomsight_lab::dataset::{self, Clock, Dataset, Format, Taking};
 use roomsight_recognition::model::{Config, Extractor};
 use roomsight_vision::camera::{Camera, CameraKind, Projection};
 use roomsight_vision::image::Limits;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io::{BufWriter, Cursor};
 use std::path::Path;
@@ -129,6 +129,7 @@ fn a_list_beside_a_recording_tells_the_rooms() {
     assert_eq!(dataset.frames[0].time, Some(1_700_000_001.0));
     assert_eq!(dataset.name_of(&dataset.frames[0].path), "run.mcap/1700000001.000000000");
     assert_eq!(dataset.frames[2].read_encoded(&Limits::default()).unwrap(), png(3));
+    assert_eq!(dataset.clone().with_unlabeled().rooms(), ["hall", "kitchen"]);
     assert_eq!(rooms(dataset), "-hhh--kkkkkk");
 }
 
@@ -191,11 +192,14 @@ fn what_is_not_there_is_named() {
 #[test]
 fn a_folder_of_recordings_is_described_as_its_pictures_are() {
     let folder = one();
-    record(&folder.path().join("later.mcap"), &["/camera"]);
+    fs::create_dir(folder.path().join("monday")).unwrap();
+    record(&folder.path().join("monday/run.mcap"), &["/camera"]);
     fs::write(folder.path().join("notes.mcap"), "no recording").unwrap();
     let taking = Taking { room_topic: Some("/room".to_owned()), ..Taking::default() };
     let recorded = dataset::open_for(folder.path(), &[], &taking).unwrap();
     assert_eq!(recorded.problems.len(), 1, "{:?}", recorded.problems);
+    let drives: BTreeSet<&str> = recorded.frames.iter().map(|frame| frame.sequence.as_str()).collect();
+    assert_eq!(drives.into_iter().collect::<Vec<_>>(), ["monday/run", "run"]);
     let recorded = recorded.with_camera(CameraKind::Perspective).unwrap().with_sequences("run").unwrap();
     let pictures = TempDir::new().unwrap();
     for (number, frame) in (0..).zip(&recorded.frames) {

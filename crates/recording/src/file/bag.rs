@@ -1,7 +1,7 @@
 //! Bags of ROS 1, version 2.0 (<http://wiki.ros.org/Bags/Format/2.0>): by their index, or record after record where there is
 //! none.
 
-use super::blocks::{Blocks, Packing, Unpacked};
+use super::blocks::{Blocks, MAX_BLOCK_BYTES, Packing, Unpacked};
 use super::{BAG_MAGIC, Contents, ENDS_EARLY, Entry, Index, NO_INDEX, Place, Span, number_of};
 use crate::error::{MessageError, RecordingError};
 use crate::fields::Fields;
@@ -18,9 +18,6 @@ const OP_CONNECTION: u8 = 7;
 
 /// The longest header of a record, in bytes.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
-
-/// The longest record that is read, in bytes.
-const MAX_RECORD_BYTES: u64 = 1 << 30;
 
 /// A bag.
 #[derive(Debug)]
@@ -148,7 +145,7 @@ impl BagFile {
 
     /// The data of a record, as much of it as is there.
     fn data(&self, record: &Record) -> Result<Vec<u8>, RecordingError> {
-        if record.n_bytes > MAX_RECORD_BYTES {
+        if record.n_bytes > MAX_BLOCK_BYTES {
             return Err(self.blocks.damaged("a record is too long"));
         }
         self.blocks.read(record.data, record.n_bytes)

@@ -7,8 +7,9 @@ use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The longest block, unpacked, in bytes: far longer than what is written, which is some megabytes.
-const MAX_BLOCK_BYTES: u64 = 1 << 30;
+/// The longest block, unpacked, and the longest record, in bytes: some pictures of a hundred megapixels, while what is
+/// written is mostly some megabytes.
+pub(super) const MAX_BLOCK_BYTES: u64 = 512 << 20;
 
 /// Unpacked blocks that are kept: one for each thread that reads in order, on most machines.
 const N_KEPT: usize = 16;

@@ -1,6 +1,6 @@
 //! MCAP (<https://mcap.dev/spec>): by its index, or record after record where there is none.
 
-use super::blocks::{Blocks, Packing, Unpacked};
+use super::blocks::{Blocks, MAX_BLOCK_BYTES, Packing, Unpacked};
 use super::{Contents, ENDS_EARLY, Entry, Index, NO_INDEX, Place, Span, number_of};
 use crate::error::RecordingError;
 use crate::fields::Fields;
@@ -13,9 +13,6 @@ use std::path::Path;
 
 /// What a record begins with: what it is, and how long.
 const HEAD_BYTES: u64 = 9;
-
-/// The longest record that is read, in bytes.
-const MAX_RECORD_BYTES: u64 = 1 << 30;
 
 /// A file.
 #[derive(Debug)]
@@ -122,7 +119,7 @@ impl McapFile {
         let n_bytes = self.blocks.n_bytes();
         let options = SummaryReaderOptions::default()
             .with_file_size(n_bytes)
-            .with_record_length_limit(n_bytes.min(MAX_RECORD_BYTES) as usize);
+            .with_record_length_limit(n_bytes.min(MAX_BLOCK_BYTES) as usize);
         let mut reader = SummaryReader::new_with_options(options);
         let mut at = 0;
         while let Some(event) = reader.next_event() {
@@ -159,11 +156,11 @@ impl McapFile {
             let is_cut = n_bytes > self.blocks.n_bytes() - body.min(self.blocks.n_bytes());
             match op {
                 op::FOOTER | op::DATA_END => break,
-                op::CHUNK if n_bytes <= MAX_RECORD_BYTES => {
+                op::CHUNK if n_bytes <= MAX_BLOCK_BYTES => {
                     let body = self.blocks.read(body, n_bytes)?;
                     problems.extend(scan_chunk(at, &body, &mut on_record));
                 }
-                op::SCHEMA | op::CHANNEL | op::MESSAGE if !is_cut && n_bytes <= MAX_RECORD_BYTES => {
+                op::SCHEMA | op::CHANNEL | op::MESSAGE if !is_cut && n_bytes <= MAX_BLOCK_BYTES => {
                     let bytes = self.blocks.read(body, n_bytes)?;
                     match parse_record(op, &bytes) {
                         Ok(record) => on_record(&record, Place { at, within: None }),
@@ -216,7 +213,7 @@ impl McapFile {
     fn of_chunk(&self, channel: u16, at: u64) -> Result<Vec<(u64, u32)>, RecordingError> {
         let damaged = || self.blocks.damaged("the index of a chunk is none");
         let head = RecordHead::read(&self.blocks.read(at, HEAD_BYTES)?).ok_or_else(damaged)?;
-        if head.op != op::MESSAGE_INDEX || head.n_bytes > MAX_RECORD_BYTES {
+        if head.op != op::MESSAGE_INDEX || head.n_bytes > MAX_BLOCK_BYTES {
             return Err(damaged());
         }
         let body = self.blocks.read(at + HEAD_BYTES, head.n_bytes)?;
@@ -243,7 +240,7 @@ impl McapFile {
             }
         };
         let head = RecordHead::read(&self.blocks.read(place.at, HEAD_BYTES)?);
-        let head = head.filter(|head| head.n_bytes <= MAX_RECORD_BYTES);
+        let head = head.filter(|head| head.n_bytes <= MAX_BLOCK_BYTES);
         let head = head.ok_or_else(|| damaged("a record is none"))?;
         let Some(within) = place.within else {
             let bytes = self.blocks.read(place.at, HEAD_BYTES + head.n_bytes)?;
