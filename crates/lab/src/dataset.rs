@@ -86,13 +86,9 @@ impl Frame {
 
     /// Reads the image as it is encoded; its size is checked before a byte of it is read.
     pub fn read_encoded(&self, limits: &Limits) -> Result<Vec<u8>, Problem> {
-        let bytes = match &self.recorded {
-            Some(recorded) => recorded.read(limits).map(|picture| picture.encoded),
-            None => {
-                files::read_bounded(&self.path, limits.max_bytes as u64).map_err(|error| error.to_string())
-            }
-        };
-        bytes.map_err(|reason| Problem::new(&self.path, reason))
+        let Some(recorded) = &self.recorded else { return read_file(&self.path, limits) };
+        let picture = recorded.read(limits).map_err(|reason| Problem::new(&self.path, reason))?;
+        Ok(picture.encoded)
     }
 
     /// The file that it lies in.
@@ -154,10 +150,12 @@ pub fn open(path: &Path) -> Result<Dataset, DatasetError> {
 pub fn open_for(path: &Path, rooms: &[String], taking: &Taking) -> Result<Dataset, DatasetError> {
     let metadata = fs::metadata(path).map_err(|error| DatasetError::io(path, error))?;
     let is_one_recording = roomsight_recording::is_called_so(path);
-    let mut dataset = match metadata.is_dir() && !is_one_recording {
-        true => in_folder(path, rooms, taking)?,
-        false if is_one_recording => recorded::read(path, &[path.to_owned()], taking)?,
-        false => manifest::read(path)?,
+    let mut dataset = if is_one_recording {
+        recorded::read(path, &[path.to_owned()], taking)?
+    } else if metadata.is_dir() {
+        in_folder(path, rooms, taking)?
+    } else {
+        manifest::read(path)?
     };
     dataset.settle_names();
     dataset.sort();
@@ -249,8 +247,7 @@ impl Dataset {
     pub fn read_picture(&self, path: &Path, limits: &Limits) -> Result<Vec<u8>, Problem> {
         match self.frames.iter().find(|frame| frame.path == path) {
             Some(frame) => frame.read_encoded(limits),
-            None => files::read_bounded(path, limits.max_bytes as u64)
-                .map_err(|error| Problem::new(path, error.to_string())),
+            None => read_file(path, limits),
         }
     }
 
@@ -396,6 +393,11 @@ impl Dataset {
             None => format!("frames without a place: {}", self.unlabeled.len()),
         }
     }
+}
+
+/// Reads a picture's file; its size is checked first.
+fn read_file(path: &Path, limits: &Limits) -> Result<Vec<u8>, Problem> {
+    files::read_bounded(path, limits.max_bytes as u64).map_err(|error| Problem::new(path, error.to_string()))
 }
 
 /// The names of the cameras, as in a manifest.

@@ -18,6 +18,7 @@ pub use pose::{Located, located};
 use crate::error::MessageError;
 use crate::fields::Fields;
 use crate::topic::{Encoding, Kind, Topic};
+use foxglove::Time;
 
 /// The fields of a message of ROS.
 fn fields<'a>(topic: &Topic, message: &'a [u8]) -> Result<Fields<'a>, MessageError> {
@@ -42,6 +43,11 @@ impl Header {
             // The number that ROS 1 gives each message.
             fields.u32()?;
         }
+        Self::unnumbered(fields)
+    }
+
+    /// A time and a frame of coordinates, as Foxglove's messages begin too.
+    fn unnumbered(fields: &mut Fields) -> Result<Self, MessageError> {
         let stamp_ns = Some(fields.time_ns()?).filter(|stamp_ns| *stamp_ns > 0);
         Ok(Self { stamp_ns, frame_id: fields.text()? })
     }
@@ -53,7 +59,14 @@ impl Header {
 /// A damaged message, one of a type that is not read.
 pub fn stamp_ns(topic: &Topic, message: &[u8]) -> Result<Option<u64>, MessageError> {
     match topic.kind() {
-        Kind::FoxgloveCompressedImage | Kind::FoxgloveRawImage => Ok(Picture::read(topic, message)?.stamp_ns),
+        Kind::FoxgloveCompressedImage | Kind::FoxgloveRawImage => match topic.encoding {
+            Encoding::Protobuf | Encoding::Json => {
+                Ok(foxglove::read::<foxglove::Stamped>(topic.encoding, message)?
+                    .timestamp
+                    .and_then(Time::nanoseconds))
+            }
+            _ => Ok(Header::unnumbered(&mut fields(topic, message)?)?.stamp_ns),
+        },
         Kind::Transforms => {
             let mut fields = fields(topic, message)?;
             if fields.u32()? == 0 {

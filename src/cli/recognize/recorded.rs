@@ -110,8 +110,10 @@ pub(super) fn answer(model: &Model, frames: &[Asked], output: &Path, limits: &Li
     let mut n_of_room: BTreeMap<&str, usize> = BTreeMap::new();
     let bar = output::progress("answering", frames.len());
     let see = |scratch: &mut Scratch, &(frame, recorded): &(&Frame, &RecordedPicture)| {
-        let features = model.features(&read(frame, model, limits)?, scratch);
-        let picture = recorded.read(limits).map_err(anyhow::Error::msg)?;
+        let name = || frame.path.display().to_string();
+        let picture = recorded.read(limits).map_err(anyhow::Error::msg).with_context(name)?;
+        let image = model.decode(&picture.encoded, limits).with_context(name)?;
+        let features = model.features(&image, scratch);
         Ok((shown(&picture.encoded, limits)?, model.classify(&features), features, picture))
     };
     for some in frames.chunks(N_AT_ONCE) {

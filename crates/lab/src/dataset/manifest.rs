@@ -70,7 +70,7 @@ fn found(path: &Path) -> Result<PathBuf, &'static str> {
 /// unlabeled.
 fn parse(text: &str, path: &Path) -> Result<Dataset, DatasetError> {
     let mut dataset = Dataset::new(path, Format::Manifest);
-    let delimiter = delimiter(text);
+    let delimiter = delimiter(text, &COLUMNS);
     let text = without_spaces_before_quotes(text, delimiter);
     let mut reader = csv::ReaderBuilder::new()
         .delimiter(delimiter)
@@ -141,7 +141,7 @@ fn line_of_record(record: &StringRecord, text: &str) -> u64 {
 }
 
 /// What separates the headings: the delimiter that cuts out the most columns that are looked for.
-fn delimiter(text: &str) -> u8 {
+pub(super) fn delimiter(text: &str, columns: &[&str]) -> u8 {
     let is_passed_over = |line: &&str| line.is_empty() || line.starts_with('#');
     let mut lines =
         text.split(['\n', '\r']).map(|line| line.trim_matches(' ')).filter(|line| !is_passed_over(line));
@@ -154,7 +154,7 @@ fn delimiter(text: &str) -> u8 {
     let n_columns = |delimiter: u8| {
         let headings = first.split(char::from(delimiter)).map(|heading| heading.trim().trim_matches('"'));
         headings
-            .filter(|heading| COLUMNS.iter().any(|column| heading.trim().eq_ignore_ascii_case(column)))
+            .filter(|heading| columns.iter().any(|column| heading.trim().eq_ignore_ascii_case(column)))
             .count()
     };
     // The first of equals.

@@ -268,28 +268,41 @@ impl BagFile {
             })?;
             return Ok(index);
         };
-        let damaged = self.damaged();
         for &chunk in chunks {
-            let mut at = self.record(chunk)?.end();
-            while at < self.blocks.n_bytes() {
-                let record = self.record(at)?;
-                let header = Header::read(&record.header).map_err(&damaged)?;
-                if header.op() != Ok(OP_INDEX) {
-                    break;
-                }
-                if let Some(topic_idx) = wanted(&header).map_err(&damaged)? {
-                    let data = self.data(&record)?;
-                    let mut entries = Fields::packed(&data);
-                    while !entries.rest().is_empty() {
-                        let time_ns = entries.time_ns().map_err(&damaged)?;
-                        let place = Place { at: chunk, within: Some(entries.u32().map_err(&damaged)?) };
-                        index.entries.push(Entry { topic_idx, time_ns, place });
-                    }
-                }
-                at = record.end();
+            if let Err(error) = self.add_of_chunk(chunk, &wanted, &mut index.entries) {
+                index.problems.push(error.to_string());
             }
         }
         Ok(index)
+    }
+
+    /// Adds the messages that are wanted of a chunk, by the records of its index, which follow it.
+    fn add_of_chunk(
+        &self,
+        chunk: u64,
+        wanted: &impl Fn(&Header) -> Result<Option<usize>, MessageError>,
+        entries: &mut Vec<Entry>,
+    ) -> Result<(), RecordingError> {
+        let damaged = self.damaged();
+        let mut at = self.record(chunk)?.end();
+        while at < self.blocks.n_bytes() {
+            let record = self.record(at)?;
+            let header = Header::read(&record.header).map_err(&damaged)?;
+            if header.op() != Ok(OP_INDEX) {
+                break;
+            }
+            if let Some(topic_idx) = wanted(&header).map_err(&damaged)? {
+                let data = self.data(&record)?;
+                let mut listed = Fields::packed(&data);
+                while !listed.rest().is_empty() {
+                    let time_ns = listed.time_ns().map_err(&damaged)?;
+                    let place = Place { at: chunk, within: Some(listed.u32().map_err(&damaged)?) };
+                    entries.push(Entry { topic_idx, time_ns, place });
+                }
+            }
+            at = record.end();
+        }
+        Ok(())
     }
 
     /// A message.

@@ -9,7 +9,7 @@ use serde::{Deserialize, Deserializer};
 
 /// `google.protobuf.Timestamp`; in JSON `{"sec": ..., "nsec": ...}`.
 #[derive(Clone, Copy, PartialEq, Message, Deserialize)]
-struct Time {
+pub(super) struct Time {
     #[prost(int64, tag = "1")]
     #[serde(rename = "sec")]
     seconds: i64,
@@ -18,12 +18,28 @@ struct Time {
     nanoseconds: i32,
 }
 
+impl Time {
+    /// Since 1970; none where nobody set it.
+    pub(super) fn nanoseconds(self) -> Option<u64> {
+        let seconds = u64::try_from(self.seconds).ok()?.checked_mul(1_000_000_000)?;
+        seconds.checked_add(u64::try_from(self.nanoseconds).ok()?).filter(|stamp_ns| *stamp_ns > 0)
+    }
+}
+
+/// What all of them begin with; the rest is passed over.
+#[derive(Clone, PartialEq, Message, Deserialize)]
+pub(super) struct Stamped {
+    #[prost(message, optional, tag = "1")]
+    #[serde(default)]
+    pub(super) timestamp: Option<Time>,
+}
+
 /// `foxglove.CompressedImage`.
 #[derive(Clone, PartialEq, Message, Deserialize)]
 pub(super) struct CompressedImage {
     #[prost(message, optional, tag = "1")]
     #[serde(default)]
-    timestamp: Option<Time>,
+    pub(super) timestamp: Option<Time>,
     #[prost(bytes = "vec", tag = "2")]
     #[serde(deserialize_with = "base64_bytes")]
     pub(super) data: Vec<u8>,
@@ -40,7 +56,7 @@ pub(super) struct CompressedImage {
 pub(super) struct RawImage {
     #[prost(message, optional, tag = "1")]
     #[serde(default)]
-    timestamp: Option<Time>,
+    pub(super) timestamp: Option<Time>,
     #[prost(fixed32, tag = "2")]
     pub(super) width: u32,
     #[prost(fixed32, tag = "3")]
@@ -63,7 +79,7 @@ fn base64_bytes<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<u8>, D
 }
 
 /// A message in protocol buffers or in JSON.
-fn read<T: Message + Default + for<'de> Deserialize<'de>>(
+pub(super) fn read<T: Message + Default + for<'de> Deserialize<'de>>(
     encoding: Encoding,
     message: &[u8],
 ) -> Result<T, MessageError> {
@@ -72,31 +88,5 @@ fn read<T: Message + Default + for<'de> Deserialize<'de>>(
             serde_json::from_slice(message).map_err(|error| MessageError::Damaged(error.to_string()))
         }
         _ => T::decode(message).map_err(|error| MessageError::Damaged(error.to_string())),
-    }
-}
-
-fn nanoseconds(time: Option<Time>) -> Option<u64> {
-    let Time { seconds, nanoseconds } = time?;
-    let seconds = u64::try_from(seconds).ok()?.checked_mul(1_000_000_000)?;
-    seconds.checked_add(u64::try_from(nanoseconds).ok()?).filter(|stamp_ns| *stamp_ns > 0)
-}
-
-impl CompressedImage {
-    pub(super) fn read(encoding: Encoding, message: &[u8]) -> Result<Self, MessageError> {
-        read(encoding, message)
-    }
-
-    pub(super) fn stamp_ns(&self) -> Option<u64> {
-        nanoseconds(self.timestamp)
-    }
-}
-
-impl RawImage {
-    pub(super) fn read(encoding: Encoding, message: &[u8]) -> Result<Self, MessageError> {
-        read(encoding, message)
-    }
-
-    pub(super) fn stamp_ns(&self) -> Option<u64> {
-        nanoseconds(self.timestamp)
     }
 }

@@ -1,5 +1,6 @@
 //! Pictures in messages.
 
+use super::foxglove::Time;
 use super::pixels::{Layout, Pixels};
 use super::{Header, fields, foxglove};
 use crate::error::MessageError;
@@ -38,13 +39,14 @@ impl Picture {
                 Self::of_pixels(header, &Pixels { encoding: &encoding, layout, bytes: fields.bytes()? })
             }
             (Kind::FoxgloveCompressedImage, Encoding::Protobuf | Encoding::Json) => {
-                let image = foxglove::CompressedImage::read(topic.encoding, message)?;
-                let header = Header { stamp_ns: image.stamp_ns(), frame_id: image.frame_id };
+                let image: foxglove::CompressedImage = foxglove::read(topic.encoding, message)?;
+                let stamp_ns = image.timestamp.and_then(Time::nanoseconds);
+                let header = Header { stamp_ns, frame_id: image.frame_id };
                 Self::encoded(header, &image.format, image.data)
             }
             (Kind::FoxgloveRawImage, Encoding::Protobuf | Encoding::Json) => {
-                let image = foxglove::RawImage::read(topic.encoding, message)?;
-                let (stamp_ns, step) = (image.stamp_ns(), image.step);
+                let image: foxglove::RawImage = foxglove::read(topic.encoding, message)?;
+                let (stamp_ns, step) = (image.timestamp.and_then(Time::nanoseconds), image.step);
                 let layout = Layout { width: image.width, height: image.height, step, is_big_endian: false };
                 let pixels = Pixels { encoding: &image.encoding, layout, bytes: &image.data };
                 Self::of_pixels(Header { stamp_ns, frame_id: image.frame_id.clone() }, &pixels)
@@ -52,15 +54,13 @@ impl Picture {
             // The same types as messages of ROS: a time and a frame instead of a header.
             (Kind::FoxgloveCompressedImage, _) => {
                 let mut fields = fields(topic, message)?;
-                let stamp_ns = Some(fields.time_ns()?).filter(|stamp_ns| *stamp_ns > 0);
-                let header = Header { stamp_ns, frame_id: fields.text()? };
+                let header = Header::unnumbered(&mut fields)?;
                 let data = fields.bytes()?.to_vec();
                 Self::encoded(header, &fields.text()?, data)
             }
             (Kind::FoxgloveRawImage, _) => {
                 let mut fields = fields(topic, message)?;
-                let stamp_ns = Some(fields.time_ns()?).filter(|stamp_ns| *stamp_ns > 0);
-                let header = Header { stamp_ns, frame_id: fields.text()? };
+                let header = Header::unnumbered(&mut fields)?;
                 let (width, height, encoding) = (fields.u32()?, fields.u32()?, fields.text()?);
                 let layout = Layout { width, height, step: fields.u32()?, is_big_endian: false };
                 Self::of_pixels(header, &Pixels { encoding: &encoding, layout, bytes: fields.bytes()? })

@@ -162,36 +162,31 @@ class Expected:
         self.path.with_name(self.path.name + ".json").write_text(json.dumps(self.messages))
 
 
+def record(path: Path, writer, store, serialize, type_of=lambda type_name: type_name) -> None:
+    """Writes all messages of a distribution by a writer of rosbags; ``type_of`` is what a recording calls a type."""
+    expected, connections = Expected(path), {}
+    with writer:
+        for topic, message, time, told in messages(store, short=store is ROS1):
+            type_name = message.__msgtype__
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, type_name, typestore=store)
+            writer.write(connections[topic], time, serialize(message, type_name))
+            expected.add(topic, type_of(type_name), time, told)
+    expected.write()
+
+
 def rosbag2(path: Path, plugin, mode=None) -> None:
-    expected = Expected(path)
     writer = Bag2Writer(path, version=9, storage_plugin=plugin)
     if mode is not None:
         writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        connections = {}
-        for topic, message, time, told in messages(ROS2, short=False):
-            type_name = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, type_name, typestore=ROS2)
-            writer.write(connections[topic], time, ROS2.serialize_cdr(message, type_name))
-            expected.add(topic, type_name, time, told)
-    expected.write()
+    record(path, writer, ROS2, ROS2.serialize_cdr)
 
 
 def rosbag1(path: Path, compression=None) -> None:
-    expected = Expected(path)
     writer = Bag1Writer(path)
     if compression is not None:
         writer.set_compression(compression)
-    with writer:
-        connections = {}
-        for topic, message, time, told in messages(ROS1, short=True):
-            type_name = message.__msgtype__
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, type_name, typestore=ROS1)
-            writer.write(connections[topic], time, ROS1.serialize_ros1(message, type_name))
-            expected.add(topic, type_name.replace("/msg/", "/"), time, told)
-    expected.write()
+    record(path, writer, ROS1, ROS1.serialize_ros1, lambda type_name: type_name.replace("/msg/", "/"))
 
 
 def foxglove(path: Path, encoding: str, **options) -> None:

@@ -5,7 +5,7 @@
 //! player shows them, since the first picture; seconds since 1970 where they are that many.
 
 use super::{DatasetError, SECOND, unusable};
-use crate::dataset::{Problem, files};
+use crate::dataset::{Problem, files, manifest};
 use roomsight_recording::message::text;
 use roomsight_recording::{Kind, Recording};
 use std::path::{Path, PathBuf};
@@ -15,6 +15,11 @@ const ENDING: &str = ".rooms.csv";
 
 /// The list in a folder of rosbag2.
 const IN_FOLDER: &str = "rooms.csv";
+
+/// What the columns of a list may be called.
+const STARTS: [&str; 3] = ["time", "start", "from"];
+const ENDS: [&str; 2] = ["end", "to"];
+const ROOMS: [&str; 2] = ["room", "place"];
 
 /// Seconds from here on count from 1970: no recording is three years long.
 const SINCE_1970: f64 = 1e8;
@@ -57,13 +62,8 @@ impl RoomTrack {
 
     /// A list as text; an error with its line, or 0.
     fn parse(text: &str, first_ns: u64) -> Result<Self, (u64, String)> {
-        let first_line =
-            text.lines().find(|line| !line.trim().is_empty() && !line.starts_with('#')).unwrap_or_default();
-        let delimiter = [b',', b';', b'\t'].into_iter().max_by_key(|&delimiter| {
-            (first_line.bytes().filter(|&byte| byte == delimiter).count(), delimiter == b',')
-        });
         let mut reader = csv::ReaderBuilder::new()
-            .delimiter(delimiter.unwrap_or(b','))
+            .delimiter(manifest::delimiter(text, &[&STARTS[..], &ENDS, &ROOMS].concat()))
             .comment(Some(b'#'))
             .flexible(true)
             .trim(csv::Trim::All)
@@ -72,8 +72,8 @@ impl RoomTrack {
         let column = |names: &[&str]| {
             headings.iter().position(|heading| names.iter().any(|name| heading.eq_ignore_ascii_case(name)))
         };
-        let (start, end) = (column(&["time", "start", "from"]), column(&["end", "to"]));
-        let (Some(start), Some(room)) = (start, column(&["room", "place"])) else {
+        let (start, end) = (column(&STARTS), column(&ENDS));
+        let (Some(start), Some(room)) = (start, column(&ROOMS)) else {
             return Err((1, "it must name the columns time and room, or start, end and room".to_owned()));
         };
         let mut stays: Vec<Stay> = Vec::new();
