@@ -204,8 +204,10 @@ fn filter(bytes: &[u8]) {
     let (numbers, _) = bytes.as_chunks::<8>();
     let mut numbers = numbers.iter().map(|number| f64::from_le_bytes(*number));
     let mut next = || numbers.next();
-    let transitions =
-        Transitions::learn(3, (0..4).filter_map(|idx| Some(Step { from: idx % 3, to: 2, seconds: next()? })));
+    let transitions = Transitions::learn(
+        3,
+        (0..4).filter_map(|idx| Some(Step { from: idx % 3, to: 2, seconds: next()?, meters: next() })),
+    );
     let mut filter = RoomFilter::new(3, Trust::default());
     while let (Some(elapsed), Some(a), Some(b)) = (next(), next(), next()) {
         let belief = filter.update(

@@ -12,7 +12,7 @@ use anyhow::{Context, bail};
 use clap::builder::RangedU64ValueParser;
 use clap::{Args, ValueEnum};
 use roomsight_lab::check::other_camera;
-use roomsight_lab::dataset::{self, Dataset, Described, Problem, Tree};
+use roomsight_lab::dataset::{self, Dataset, Described, Problem, Taking, Tree};
 use roomsight_recognition::model::{Extractor, LoadedModel, MODEL_FILE, Model};
 use roomsight_vision::camera::CameraKind;
 use roomsight_vision::image::{Image, Limits};
@@ -53,6 +53,14 @@ pub(super) struct DataArgs {
     /// called elsewhere
     #[arg(long, value_name = "FOLDER")]
     elsewhere: Option<PathBuf>,
+    /// Also take the scans of the robot's laser that lie beside pictures, of recordings and COLD sequences: models are trained
+    /// to look at them, too. A model that does so takes them without being told
+    #[arg(long)]
+    laser: bool,
+    /// Also take how far the robot went, by its odometry, of recordings and COLD sequences: a filter takes the way instead of
+    /// the time
+    #[arg(long)]
+    odometry: bool,
     #[command(flatten)]
     recordings: RecordingArgs,
 }
@@ -109,18 +117,29 @@ impl DataArgs {
     /// Opens the data set, takes the frames asked for, and reports what is wrong with the rest. For a model
     /// that is there already, its rooms are known, and its camera is taken where none is asked for.
     pub(super) fn open(&self, model: Option<&Model>) -> anyhow::Result<Dataset> {
-        let dataset =
-            dataset::open_for(&self.data, model.map_or(&[], Model::rooms), &self.recordings.taking())?;
+        let dataset = dataset::open_for(&self.data, model.map_or(&[], Model::rooms), &self.taking(model))?;
         report_all(&dataset);
+        if self.laser && dataset.laser().is_none() {
+            bail!(
+                "{} has no scans of a laser within a quarter of a second of its pictures: leave out --laser",
+                self.data.display()
+            );
+        }
         self.choose(dataset, model)
     }
 
     /// The same with the frames that have no room.
     pub(super) fn open_with_unlabeled(&self, model: Option<&Model>) -> anyhow::Result<Dataset> {
         let rooms = model.map_or(&[][..], Model::rooms);
-        let dataset = dataset::open_for(&self.data, rooms, &self.recordings.taking())?.with_unlabeled();
+        let dataset = dataset::open_for(&self.data, rooms, &self.taking(model))?.with_unlabeled();
         report_all(&dataset);
         self.choose(dataset, model)
+    }
+
+    /// What is taken beside pictures, also what the model looks at.
+    fn taking(&self, model: Option<&Model>) -> Taking {
+        let laser = self.laser || model.is_some_and(Model::wants_scans);
+        Taking { laser, odometry: self.odometry, ..self.recordings.taking() }
     }
 
     /// The frames that are asked for.

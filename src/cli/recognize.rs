@@ -8,11 +8,12 @@ use crate::cli::manners::note;
 use anyhow::{bail, ensure};
 use clap::Args;
 use roomsight_lab::check::other_camera;
-use roomsight_lab::dataset::{self, Frame};
+use roomsight_lab::dataset::{self, Frame, Taking};
 use roomsight_protocol::rest::NearestFrame;
 use roomsight_recognition::model::{
-    Features, Model, N_NEAREST, NearFrame, PoseEstimate, Recognition, Scratch, Unknown, by_probability,
+    self, Features, Model, N_NEAREST, NearFrame, PoseEstimate, Recognition, Scratch, Unknown, by_probability,
 };
+use roomsight_vision::image::Limits;
 use serde::Serialize;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -31,6 +32,9 @@ pub(super) struct RecognizeArgs {
     /// Of one recording: write the answers and the pictures to this file, as MCAP
     #[arg(short, long, value_name = "MCAP", conflicts_with_all = ["explain", "json"])]
     output: Option<PathBuf>,
+    /// With --output: let the filter take how far the robot went, by its odometry in the recording, instead of the time
+    #[arg(long, requires = "output")]
+    odometry: bool,
     #[command(flatten)]
     recordings: RecordingArgs,
     #[command(flatten)]
@@ -80,24 +84,8 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
         return recorded::answer(&model, &frames, output, &limits);
     }
     for Asked { path, frame } in &frames {
-        let image = match frame {
-            Some(frame) => recorded::read(frame, &model, &limits),
-            None => data::read_frame(path, model.extractor(), &limits),
-        };
-        let features = match image {
-            Ok(image) => {
-                if image.damaged_rows() > 0 {
-                    eprintln!("{}: {} rows are damaged or missing", path.display(), image.damaged_rows());
-                }
-                let aspect = image.width() as f64 / image.height() as f64;
-                if let Some(why) = other_camera(model.camera().projection.kind(), aspect) {
-                    note!(
-                        "note: {}: the model is of another camera: its shape is odd, {why}",
-                        path.display()
-                    );
-                }
-                model.features(&image, &mut scratch)
-            }
+        let features = match look(path, frame.as_ref(), &model, &limits, &mut scratch) {
+            Ok(features) => features,
             Err(error) => {
                 eprintln!("{}", output::explained(&error));
                 n_failed += 1;
@@ -138,6 +126,29 @@ pub(super) fn run(args: &RecognizeArgs) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// What a model sees of a picture, and of the scan beside it.
+fn look(
+    path: &Path,
+    frame: Option<&Frame>,
+    model: &Model,
+    limits: &Limits,
+    scratch: &mut Scratch,
+) -> anyhow::Result<Features> {
+    let image = match frame {
+        Some(frame) => recorded::read(frame, model, limits)?,
+        None => data::read_frame(path, model.extractor(), limits)?,
+    };
+    if image.damaged_rows() > 0 {
+        eprintln!("{}: {} rows are damaged or missing", path.display(), image.damaged_rows());
+    }
+    let aspect = image.width() as f64 / image.height() as f64;
+    if let Some(why) = other_camera(model.camera().projection.kind(), aspect) {
+        note!("note: {}: the model is of another camera: its shape is odd, {why}", path.display());
+    }
+    let scan = frame.map(|frame| recorded::scan(frame, model)).transpose()?.flatten();
+    Ok(model.features(model::Frame { image: &image, scan: scan.as_deref() }, scratch))
+}
+
 /// A picture to be answered.
 struct Asked {
     path: PathBuf,
@@ -151,7 +162,9 @@ fn frames_of(args: &RecognizeArgs, model: &Model) -> anyhow::Result<Vec<Asked>> 
     let file = |path: PathBuf| Asked { path, frame: None };
     for path in &args.frames {
         if roomsight_recording::is_called_so(path) {
-            let dataset = dataset::open_for(path, model.rooms(), &args.recordings.taking())?.with_unlabeled();
+            let taking =
+                Taking { laser: model.wants_scans(), odometry: args.odometry, ..args.recordings.taking() };
+            let dataset = dataset::open_for(path, model.rooms(), &taking)?.with_unlabeled();
             data::report_all(&dataset);
             let recorded = |frame: Frame| Asked { path: frame.path.clone(), frame: Some(frame) };
             frames.extend(dataset.frames.into_iter().map(recorded));

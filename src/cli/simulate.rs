@@ -46,6 +46,9 @@ pub(super) struct SimulateArgs {
     /// Frames per second at 0.3 m/s; fewer make shorter sequences of the same way
     #[arg(long, default_value_t = 5.0, value_name = "RATE")]
     frames_per_second: f32,
+    /// Let the robot stop now and then, as where somebody is in its way
+    #[arg(long)]
+    stops: bool,
     /// Print the summary as JSON
     #[arg(long)]
     json: bool,
@@ -67,6 +70,7 @@ pub(super) fn run(args: &SimulateArgs) -> anyhow::Result<()> {
             run,
             seed: args.seed,
             frames_per_second: args.frames_per_second,
+            has_stops: args.stops,
         };
         let simulation = Simulation::new(&spec)?;
         let label = format!("{}{run}", illumination.name());

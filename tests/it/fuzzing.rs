@@ -172,7 +172,8 @@ fn archives() -> Vec<Vec<u8>> {
         let folder = room.path().join(idx.to_string());
         let bytes = b"P5 2 2 255 0000".to_vec();
         let name = "frame.pgm".to_owned();
-        let golden = GoldenFrame { name, bytes, room: model.rooms()[0].clone(), probability: 1.0 / 3.0 };
+        let golden =
+            GoldenFrame { name, bytes, scan: None, room: model.rooms()[0].clone(), probability: 1.0 / 3.0 };
         model.save(&folder, &[golden]).unwrap();
         let mut tar = Vec::new();
         package::pack(&folder, &mut tar).unwrap();

@@ -19,6 +19,7 @@ pub fn simulation(frames_per_second: f32) -> Simulation {
         run: 1,
         seed: 0,
         frames_per_second,
+        has_stops: false,
     };
     Simulation::new(&spec).unwrap()
 }

@@ -24,6 +24,7 @@ mod look;
 mod manifest;
 pub mod names;
 mod recorded;
+mod senses;
 mod shard;
 #[cfg(test)]
 mod tests;
@@ -32,12 +33,13 @@ mod tree;
 pub use describe::{Copied, Described};
 pub use error::{DatasetError, Problem, ProblemKind, by_kind};
 pub use look::{Look, near_pairs};
-pub use recorded::{Clock, RecordedPicture, Taking};
+pub use recorded::{Clock, RecordedMessage, Taking};
+pub use senses::ScanSource;
 pub use shard::{Shard, ShardError};
 pub use tree::Tree;
 
-use roomsight_recognition::model::ELSEWHERE;
 pub use roomsight_recognition::model::Pose;
+use roomsight_recognition::model::{ELSEWHERE, Scan};
 use roomsight_vision::camera::CameraKind;
 use roomsight_vision::image::{Image, ImageError, Limits};
 use serde::{Deserialize, Serialize};
@@ -64,8 +66,12 @@ pub struct Frame {
     pub time: Option<f64>,
     /// Where it was taken.
     pub pose: Option<Pose>,
+    /// Where the robot was by its wheels, in coordinates of the drive, which grow wrong with the way; where that is taken.
+    pub odometry: Option<Pose>,
+    /// What its laser measured beside the picture, where that is taken.
+    pub scan: Option<ScanSource>,
     /// Where it lies in a recording; none where it is a file.
-    pub recorded: Option<RecordedPicture>,
+    pub recorded: Option<RecordedMessage>,
 }
 
 impl Frame {
@@ -87,8 +93,14 @@ impl Frame {
     /// Reads the image as it is encoded; its size is checked before a byte of it is read.
     pub fn read_encoded(&self, limits: &Limits) -> Result<Vec<u8>, Problem> {
         let Some(recorded) = &self.recorded else { return read_file(&self.path, limits) };
-        let picture = recorded.read(limits).map_err(|reason| Problem::new(&self.path, reason))?;
+        let picture = recorded.picture(limits).map_err(|reason| Problem::new(&self.path, reason))?;
         Ok(picture.encoded)
+    }
+
+    /// Reads what the laser measured beside it; none where there is none, or it is not taken.
+    pub fn read_scan(&self) -> Result<Option<Arc<Scan>>, Problem> {
+        let scan = self.scan.as_ref().map(ScanSource::read).transpose();
+        scan.map_err(|reason| Problem::new(&self.path, reason))
     }
 
     /// The file that it lies in.
@@ -173,7 +185,7 @@ fn in_folder(path: &Path, rooms: &[String], taking: &Taking) -> Result<Dataset, 
     let tree = Tree::read(path)?;
     let sequences = cold::find_sequences(&tree);
     if !sequences.is_empty() {
-        return cold::read(&tree, &sequences);
+        return cold::read(&tree, &sequences, taking);
     }
     if let Some(list) = wrapped_manifest(&tree) {
         return manifest::read(list);
@@ -218,6 +230,8 @@ impl Dataset {
             split: String::new(),
             time: None,
             pose: None,
+            odometry: None,
+            scan: None,
             recorded: None,
         };
         self.frames.extend(pictures.into_iter().map(frame));

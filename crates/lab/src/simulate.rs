@@ -15,13 +15,16 @@
 //! | `builder`, `building`, `furniture`, `person` | what stands where |
 //! | `solid`, `caster`, `texture`, `light`, `scene` | what light comes along a ray |
 //! | `optics`, `sensor` | from rays to pixels |
+//! | `laser`, `odometry` | what else the robot senses |
 //! | `sequence`, `walls` | files |
 
 mod builder;
 mod building;
 mod caster;
 mod furniture;
+mod laser;
 mod light;
+mod odometry;
 mod optics;
 mod person;
 mod plan;
@@ -171,6 +174,8 @@ pub struct SequenceSpec {
     pub seed: u64,
     /// Frames a second, 5 in COLD. Fewer means fewer frames on the same way, so that all rooms are seen.
     pub frames_per_second: f32,
+    /// Whether the robot stops now and then, as where somebody is in its way. COLD's does not.
+    pub has_stops: bool,
 }
 
 impl SequenceSpec {
@@ -232,6 +237,16 @@ pub struct Simulation {
     trajectory: Trajectory,
     cameras: Vec<Optics>,
     encounters: Vec<Encounter>,
+    stops: Vec<Stop>,
+}
+
+/// A time in which the robot stands.
+#[derive(Clone, Copy, Debug)]
+struct Stop {
+    /// After how many meters.
+    at: f32,
+    /// For how long, in seconds.
+    seconds: f32,
 }
 
 impl Simulation {
@@ -257,15 +272,18 @@ impl Simulation {
         let mut rng = seeded(&spec.run_key());
         let trajectory = Trajectory::draw(&plan, spec.route, &mut rng);
         let encounters = encounters(trajectory.length(), &mut rng);
+        let stops =
+            if spec.has_stops { stops(&encounters, trajectory.length(), &mut rng) } else { Vec::new() };
         let optics = |kind: &CameraKind| Optics::new(*kind, size, &mut seeded(&[spec.seed, spec.lab as u64]));
         let cameras = CameraKind::ALL.iter().map(optics).collect();
         let scene = Scene::build(spec, plan, trajectory.points());
-        Ok(Self { scene, spec: spec.clone(), trajectory, cameras, encounters })
+        Ok(Self { scene, spec: spec.clone(), trajectory, cameras, encounters, stops })
     }
 
     /// The number of frames on the whole way, at least one.
     pub fn n_frames(&self) -> usize {
-        (self.trajectory.length() / self.step()) as usize + 1
+        let standing: f32 = self.stops.iter().map(|stop| stop.seconds).sum();
+        (self.trajectory.length() / self.step() + standing * self.spec.frames_per_second) as usize + 1
     }
 
     /// Where the robot is when it takes a frame.
@@ -299,9 +317,14 @@ impl Simulation {
         distances.fold(f32::INFINITY, f32::min)
     }
 
+    /// When a frame is taken, in Unix seconds.
+    pub fn time(&self, frame_idx: usize) -> f64 {
+        self.spec.start_time() + frame_idx as f64 / f64::from(self.spec.frames_per_second)
+    }
+
     /// The name of a frame's file: `t<unix time>_x<m>_y<m>_a<rad>.jpeg`.
     pub fn file_name(&self, frame_idx: usize) -> String {
-        let time = self.spec.start_time() + frame_idx as f64 / f64::from(self.spec.frames_per_second);
+        let time = self.time(frame_idx);
         let Pose { x, y, heading } = self.pose(frame_idx);
         format!("t{time:.6}_x{x:.6}_y{y:.6}_a{heading:.6}.jpeg")
     }
@@ -335,8 +358,15 @@ impl Simulation {
         SPEED / self.spec.frames_per_second
     }
 
+    /// Meters from the start to a frame.
     fn distance(&self, frame_idx: usize) -> f32 {
-        frame_idx as f32 * self.step()
+        let mut way = frame_idx as f32 * self.step();
+        for stop in &self.stops {
+            if way > stop.at {
+                way = (way - stop.seconds * SPEED).max(stop.at);
+            }
+        }
+        way
     }
 
     /// Who is in the way, if anybody.
@@ -363,6 +393,19 @@ fn encounters(length: f32, rng: &mut ChaCha8Rng) -> Vec<Encounter> {
         from = to + rng.random_range(7.0..22.0);
     }
     encounters
+}
+
+/// Before half of the people in the way, and in places between.
+fn stops(encounters: &[Encounter], length: f32, rng: &mut ChaCha8Rng) -> Vec<Stop> {
+    let mut stops = Vec::new();
+    for Encounter { stretch: [from, to], .. } in encounters {
+        let at =
+            if rng.random_bool(0.5) { from + 0.5 * (to - from) } else { to + rng.random_range(0.5..4.0) };
+        if at < length && rng.random_bool(0.7) {
+            stops.push(Stop { at, seconds: rng.random_range(5.0..25.0) });
+        }
+    }
+    stops
 }
 
 /// A source of chance for this list of numbers: mixed by SplitMix64 (Steele, Lea and Flood 2014).

@@ -17,7 +17,7 @@ use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use roomsight_recognition::filter::{RoomFilter, Trust};
+use roomsight_recognition::filter::{Interval, RoomFilter, Trust};
 use roomsight_recognition::folds::folds;
 use roomsight_recognition::model::{Choice, Config, Model, Recognition, Sample, TrainError, Unknown};
 use roomsight_vision::camera::Camera;
@@ -171,42 +171,43 @@ pub fn filtered(
     trust: Trust,
 ) -> Vec<Answered> {
     let mut filter = RoomFilter::new(model.rooms().len(), trust);
-    let filter_answer = |(elapsed, answered): (Option<f64>, &Answered)| {
-        if elapsed.is_none() {
+    let filter_answer = |(since, answered): (Option<Interval>, &Answered)| {
+        if since.is_none() {
             filter = RoomFilter::new(model.rooms().len(), trust);
         }
         let raw = &answered.recognition;
         let probabilities =
-            filter.update(model.transitions(), elapsed.unwrap_or_default(), raw.observation()).to_vec();
+            filter.update(model.transitions(), since.unwrap_or(0.0.into()), raw.observation()).to_vec();
         let (known, novelty) = (model.knows(&filter), filter.novelty());
         let unknown = if known { None } else { raw.unknown.or(Some(Unknown::Unsure)) };
         let room_idx = filter.room_idx();
         let recognition = Recognition { room_idx, known, novelty, unknown, probabilities, ..raw.clone() };
         Answered { room: model.rooms()[recognition.room_idx].clone(), recognition, ..*answered }
     };
-    elapsed(dataset, described, answers).into_iter().zip(answers).map(filter_answer).collect()
+    intervals(dataset, described, answers).into_iter().zip(answers).map(filter_answer).collect()
 }
 
 /// How answers to drives, in their order, follow the robot from room to room.
 pub fn changes(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Changes {
-    let elapsed = elapsed(dataset, described, answers);
-    let stream = answers.iter().zip(elapsed).map(|(answered, elapsed)| StreamAnswer {
+    let intervals = intervals(dataset, described, answers);
+    let stream = answers.iter().zip(intervals).map(|(answered, since)| StreamAnswer {
         room: &described.samples[answered.sample_idx].room,
         answered: &answered.room,
-        elapsed,
+        elapsed: since.map(|since| since.seconds),
     });
     Changes::new(&stream.collect::<Vec<_>>())
 }
 
-/// The time since the answer before, in seconds; none where a drive begins, or a room of one whose order of rooms is not known.
-fn elapsed(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Vec<Option<f64>> {
+/// What lies between each answer and the one before; none where a drive begins, or a room of one whose order of rooms is not
+/// known.
+fn intervals(dataset: &Dataset, described: &Described, answers: &[Answered]) -> Vec<Option<Interval>> {
     let frame = |answered: &Answered| &dataset.frames[described.frame_idxs[answered.sample_idx]];
-    let seconds = |pair: &[Answered]| {
+    let between = |pair: &[Answered]| {
         let [before, after] = [&pair[0], &pair[1]].map(frame);
         let is_followed = dataset.is_in_order() || before.room == after.room;
-        is_followed.then(|| before.seconds_to(after)).flatten()
+        is_followed.then(|| before.interval_to(after)).flatten()
     };
-    let following = answers.windows(2).map(seconds);
+    let following = answers.windows(2).map(between);
     std::iter::once(None).chain(following).take(answers.len()).collect()
 }
 

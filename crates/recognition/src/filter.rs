@@ -11,13 +11,19 @@
 //! Beside the rooms it holds a belief that the robot is elsewhere, in a place that was never trained: a chain of two states,
 //! among the rooms and elsewhere, whose observations are the frames' novelties.
 //!
+//! Where odometry says how a robot moved ([`Motion`]), the way that it went counts instead of time: one that stands does not
+//! drift to another room, however long, and looks again at what was counted already; one that turns in place sees more of the
+//! same room; after a jump, which no robot drives, it may be anywhere.
+//!
 //! One departure: a frame's probabilities are raised to a power, its [`Trust`]. Neighboring frames are
 //! nearly the same picture and are wrong together, which asks for less than 1; calibrated probabilities are
 //! cautious, which asks for more.
 
+mod interval;
 mod transitions;
 mod trust;
 
+pub use interval::{Interval, Motion};
 pub use transitions::{Step, Transitions, TransitionsError};
 pub use trust::{Trust, TrustError};
 
@@ -100,18 +106,30 @@ impl RoomFilter {
         self.elsewhere = None;
     }
 
-    /// Takes in a frame, `elapsed` seconds after the one before (0 for the first), and returns the new belief about the
-    /// rooms. An `elapsed` that is negative or no number counts as 0.
+    /// Takes in a frame and returns the new belief about the rooms. `since` is what lies between it and the frame before: a
+    /// number of seconds, or with the way of the robot an [`Interval`].
     ///
     /// Panics when the filter, the transitions and the frame are not of the same number of rooms.
-    pub fn update(&mut self, transitions: &Transitions, elapsed: f64, frame: Observation) -> &[f32] {
+    pub fn update(
+        &mut self,
+        transitions: &Transitions,
+        since: impl Into<Interval>,
+        frame: Observation,
+    ) -> &[f32] {
+        let since = since.into();
+        if since.is_jump() {
+            let elsewhere = self.elsewhere.map(|_| FIRST_NOVELTY as f32);
+            *self = Self { elsewhere, ..Self::new(self.belief.len(), self.trust) };
+        }
+        let elapsed = since.driven_seconds(transitions.speed());
         let mut weights = transitions.predict(&self.belief, elapsed);
         if !frame.probabilities.is_empty() {
+            let exponent = self.trust.exponent() * since.new_view();
             assert_eq!(frame.probabilities.len(), self.belief.len(), "probabilities of other rooms");
             for (weight, probability) in weights.iter_mut().zip(frame.probabilities) {
                 // What is no number becomes the least, as the maximum is the other number.
                 let probability = f64::from(probability.clamp(0.0, 1.0).max(MIN_PROBABILITY));
-                *weight *= probability.powf(self.trust.exponent());
+                *weight *= probability.powf(exponent);
             }
         }
         let sum: f64 = weights.iter().sum();
@@ -120,22 +138,22 @@ impl RoomFilter {
         }
         if self.elsewhere.is_some() || frame.novelty.is_some() {
             let before = self.elsewhere.map_or(FIRST_NOVELTY, f64::from);
-            self.elsewhere = Some(elsewhere(before, elapsed, frame.novelty) as f32);
+            self.elsewhere = Some(elsewhere(before, elapsed, frame.novelty, since.new_view()) as f32);
         }
         &self.belief
     }
 }
 
 /// The probability that a robot is elsewhere, `elapsed` seconds after it was with the probability `before`, and where a
-/// frame says so.
-fn elsewhere(before: f64, elapsed: f64, novelty: Option<f32>) -> f64 {
-    let elapsed = if elapsed > 0.0 { elapsed } else { 0.0 };
+/// frame says so that counts so much.
+fn elsewhere(before: f64, elapsed: f64, novelty: Option<f32>, weight: f64) -> f64 {
     let (leaves, returns) = (1.0 / SECONDS_AMONG_ROOMS, 1.0 / SECONDS_ELSEWHERE);
     let after_long = leaves / (leaves + returns);
     let predicted = after_long + (before - after_long) * (-(leaves + returns) * elapsed).exp();
     let Some(novelty) = novelty.filter(|novelty| novelty.is_finite()) else { return predicted };
     let novelty = f64::from(novelty).clamp(1.0 - MAX_NOVELTY, MAX_NOVELTY);
-    let (is_new, is_not) = (predicted * novelty, (1.0 - predicted) * (1.0 - novelty));
+    let (is_new, is_not) = (novelty.powf(weight), (1.0 - novelty).powf(weight));
+    let (is_new, is_not) = (predicted * is_new, (1.0 - predicted) * is_not);
     is_new / (is_new + is_not)
 }
 

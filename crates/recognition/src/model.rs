@@ -42,14 +42,16 @@ pub use crate::file::networks::{
 };
 pub use crate::look::features::Features;
 pub use crate::look::flaw::Flaw;
+pub use crate::look::laser::LaserShape;
 pub use crate::look::lens::{DEFAULT_NETWORK, Lens};
 pub use crate::look::local::LocalFeatures;
+pub use crate::look::scan::{Frame, Scan, ScanError};
 pub use crate::look::sight::{Seen, Sight};
 pub use crate::opinions::calibration::{CalibrationConfig, Sigmoids};
 pub use crate::opinions::error::{AddError, TrainError};
 pub use crate::opinions::{
-    Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
-    Size, Tries, VectorConfig,
+    Classifier, LaserConfig, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered,
+    Representation, Size, Tries, VectorConfig,
 };
 pub use add::Forgotten;
 pub use card::{Addition, Card, Choice, EarlyAnswers, Measurement, Tally};
@@ -60,7 +62,7 @@ pub use config::Config;
 pub use described::{FeaturesError, Looked, features_from_bytes, features_to_bytes};
 pub use effort::{Effort, Means};
 pub use expected::Expected;
-pub use extractor::{Extractor, Scratch};
+pub use extractor::{Extractor, ScanFieldError, Scratch};
 pub use folder::{
     ABOUT_FILE, LoadedModel, MAX_MODEL_BYTES, SaveError, VerifiedFile, move_into_place, networks_in,
     networks_of, write_about,
@@ -310,6 +312,11 @@ impl Model {
         self.extractor.prepare(n_threads)
     }
 
+    /// Whether it looks at the scans of lasers, where frames bring them.
+    pub fn wants_scans(&self) -> bool {
+        self.extractor.laser().is_some()
+    }
+
     /// Whether it looks at the colors of frames.
     pub fn wants_colors(&self) -> bool {
         self.extractor.wants_colors()
@@ -321,8 +328,8 @@ impl Model {
     }
 
     /// Detects and describes all that its opinions look at.
-    pub fn features(&self, image: &Image, scratch: &mut Scratch) -> Features {
-        self.extractor.extract(image, scratch)
+    pub fn features<'a>(&self, frame: impl Into<Frame<'a>>, scratch: &mut Scratch) -> Features {
+        self.extractor.extract(frame, scratch)
     }
 
     /// What spoke for and against a room, the strongest first: of each opinion that can tell, in units of its own

@@ -8,6 +8,7 @@
 pub(crate) mod calibration;
 pub(crate) mod error;
 mod kept;
+mod laser;
 pub(crate) mod logit;
 mod machines;
 mod memory;
@@ -16,6 +17,7 @@ pub(crate) mod pool;
 mod vector;
 mod whole;
 
+pub use laser::LaserConfig;
 pub use machines::{Classifier, MachinesConfig, Representation};
 pub use memory::{MemoryConfig, Remembered};
 pub use patterns::PatternsConfig;
@@ -28,6 +30,7 @@ use crate::look::lens::Lens;
 use crate::look::sight::{Seen, Sight};
 use crate::opinions::calibration::{Calibration, Way};
 use crate::opinions::error::{AddError, TrainError};
+use laser::Laser;
 use machines::Machines;
 use memory::Remembrance;
 use patterns::Patterns;
@@ -58,6 +61,8 @@ pub enum OpinionConfig {
     Vector(VectorConfig),
     /// A memory of local features.
     Memory(MemoryConfig),
+    /// Machines over the scan of a laser.
+    Laser(LaserConfig),
 }
 
 /// A parameter of an opinion, and values of it that are worth trying, as in a file.
@@ -222,6 +227,7 @@ pub(crate) enum Learner<'a> {
     Patterns(&'a PatternsConfig, <Patterns as Recognizer>::Prepared),
     Vector(&'a VectorConfig, <Vector as Recognizer>::Prepared),
     Memory(&'a MemoryConfig, <Remembrance as Recognizer>::Prepared),
+    Laser(&'a LaserConfig, <Laser as Recognizer>::Prepared),
 }
 
 /// What has learned to tell rooms apart.
@@ -231,6 +237,7 @@ pub(crate) enum Trained {
     Patterns(Patterns),
     Vector(Vector),
     Memory(Remembrance),
+    Laser(Laser),
 }
 
 /// Calls what all kinds have.
@@ -241,6 +248,7 @@ macro_rules! of_each {
             $kinds::Patterns($inner) => $body,
             $kinds::Vector($inner) => $body,
             $kinds::Memory($inner) => $body,
+            $kinds::Laser($inner) => $body,
         }
     };
 }
@@ -253,6 +261,7 @@ macro_rules! again_each {
             Trained::Patterns($inner) => Trained::Patterns($body),
             Trained::Vector($inner) => Trained::Vector($body),
             Trained::Memory($inner) => Trained::Memory($body),
+            Trained::Laser($inner) => Trained::Laser($body),
         }
     };
 }
@@ -306,6 +315,7 @@ impl OpinionConfig {
             Self::Patterns(config) => Learner::Patterns(config, Patterns::prepare(config, frames, seed)?),
             Self::Vector(config) => Learner::Vector(config, Vector::prepare(config, frames, seed)?),
             Self::Memory(config) => Learner::Memory(config, Remembrance::prepare(config, frames, seed)?),
+            Self::Laser(config) => Learner::Laser(config, Laser::prepare(config, frames, seed)?),
         })
     }
 
@@ -316,6 +326,7 @@ impl OpinionConfig {
             Self::Patterns(config) => Trained::Patterns(Patterns::from_arrays(config, shape, arrays)?),
             Self::Vector(config) => Trained::Vector(Vector::from_arrays(config, shape, arrays)?),
             Self::Memory(config) => Trained::Memory(Remembrance::from_arrays(config, shape, arrays)?),
+            Self::Laser(config) => Trained::Laser(Laser::from_arrays(config, shape, arrays)?),
         })
     }
 }
@@ -335,6 +346,7 @@ impl Learner<'_> {
             Self::Memory(config, prepared) => {
                 Trained::Memory(Remembrance::train(config, prepared, frames, chosen)?)
             }
+            Self::Laser(config, prepared) => Trained::Laser(Laser::train(config, prepared, frames, chosen)?),
         })
     }
 
@@ -404,9 +416,10 @@ pub(crate) struct Opinion {
 }
 
 impl Opinion {
-    /// `None` of a frame that shows it nothing.
+    /// `None` of a frame that shows it nothing. Of a picture in which nothing can be seen, it is not asked where a scan is.
     pub(crate) fn answer(&self, features: &Features) -> Option<Said> {
-        self.trained.answer(features.of(&self.sight)?)
+        let is_blind = features.flaw.is_some() && self.sight.laser().is_none() && features.has_scan();
+        self.trained.answer(features.of(&self.sight).filter(|_| !is_blind)?)
     }
 
     /// What spoke for and against a room.

@@ -78,6 +78,10 @@ impl<'a> Fields<'a> {
         Ok(u64::from_le_bytes(self.number()?))
     }
 
+    pub(crate) fn f32(&mut self) -> Result<f32, MessageError> {
+        Ok(f32::from_le_bytes(self.number()?))
+    }
+
     pub(crate) fn f64(&mut self) -> Result<f64, MessageError> {
         Ok(f64::from_le_bytes(self.number()?))
     }

@@ -1,4 +1,4 @@
-//! What messages tell: pictures, poses, texts.
+//! What messages tell: pictures, poses, scans, texts.
 //!
 //! | file | what |
 //! |---|---|
@@ -6,12 +6,15 @@
 //! | `pixels` | pixels as cameras have them, to a picture that every decoder reads |
 //! | `foxglove` | the messages of Foxglove, in protocol buffers and JSON |
 //! | `pose` | where a robot is |
+//! | `laser` | what its laser measures |
 
 mod foxglove;
+mod laser;
 mod picture;
 mod pixels;
 mod pose;
 
+pub use laser::{Sweep, sweep};
 pub use picture::Picture;
 pub use pose::{Located, located};
 

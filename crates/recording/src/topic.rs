@@ -53,6 +53,8 @@ pub enum Kind {
     PoseWithCovarianceStamped,
     /// `tf2_msgs/TFMessage`.
     Transforms,
+    /// `sensor_msgs/LaserScan`.
+    LaserScan,
     /// `std_msgs/String`.
     Text,
     /// Nothing that is read.
@@ -106,6 +108,7 @@ impl Topic {
             _ if !is_ros => Kind::Other,
             ("sensor_msgs", "CompressedImage") => Kind::CompressedImage,
             ("sensor_msgs", "Image") => Kind::Image,
+            ("sensor_msgs", "LaserScan") => Kind::LaserScan,
             ("nav_msgs", "Odometry") => Kind::Odometry,
             ("geometry_msgs", "PoseStamped") => Kind::PoseStamped,
             ("geometry_msgs", "PoseWithCovarianceStamped") => Kind::PoseWithCovarianceStamped,

@@ -7,7 +7,7 @@ use anyhow::{Context, bail};
 use clap::{Args, ValueEnum};
 use roomsight_lab::dataset::Dataset;
 use roomsight_recognition::model::{
-    BAG, Candidate, CarriedNetwork, Config, DEFAULT_NETWORK, Effort, Means, Networks, PATTERNS,
+    BAG, Candidate, CarriedNetwork, Config, DEFAULT_NETWORK, Effort, Means, Networks, PATTERNS, Sight,
 };
 use roomsight_vision::camera::{Camera, CameraKind, Mask, Projection};
 use roomsight_vision::image::Limits;
@@ -104,11 +104,29 @@ fn longest_side(dataset: &Dataset) -> usize {
     frames.next().map_or(USUAL_SIDE, |image| image.width().max(image.height()))
 }
 
+/// Refuses to look at scans where no frame has one.
+fn check_laser(config: &Config, dataset: &Dataset) -> anyhow::Result<()> {
+    let wants_scans = config.sights().iter().any(|sight| matches!(sight, Sight::Laser(_)));
+    match dataset.laser() {
+        None if wants_scans => bail!(
+            "the configuration has an opinion that looks at the scans of a laser, and no frame has one: give --laser, and \
+             recordings or COLD sequences with scans"
+        ),
+        Some(_) if !wants_scans => {
+            note!("note: the configuration has no opinion of the kind laser: the scans are not looked at");
+        }
+        _ => (),
+    }
+    Ok(())
+}
+
 impl ConfigArgs {
     /// What is chosen among: what is configured, or else the candidates of the effort.
     pub(in crate::cli) fn candidates(&self, dataset: &Dataset) -> anyhow::Result<Vec<Candidate>> {
         if self.config.is_some() || !self.parameters.is_empty() {
-            return Ok(vec![Candidate { name: "as configured".to_owned(), config: self.read()? }]);
+            let config = self.read()?;
+            check_laser(&config, dataset)?;
+            return Ok(vec![Candidate { name: "as configured".to_owned(), config }]);
         }
         let effort = Effort::from(self.effort);
         let has_network = self.onnx_path(DEFAULT_NETWORK).is_file();
@@ -121,7 +139,8 @@ impl ConfigArgs {
         }
         let camera = dataset.frames.first().map_or(CameraKind::Perspective, |frame| frame.camera);
         let longest_side = longest_side(dataset);
-        let mut candidates = Means { effort, camera, has_network, longest_side }.candidates();
+        let means = Means { effort, camera, has_network, longest_side, laser: dataset.laser() };
+        let mut candidates = means.candidates();
         for candidate in &mut candidates {
             candidate.config = self.promising(self.with_wanted_opinions(candidate.config.clone()));
         }

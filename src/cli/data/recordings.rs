@@ -28,6 +28,12 @@ pub(in crate::cli) struct RecordingArgs {
     /// Of transforms: what moves with the robot [default: base_link, or base_footprint]
     #[arg(long, value_name = "FRAME")]
     base_frame: Option<String>,
+    /// The topic of the scans, with --laser or a model that looks at them [default: the only one]
+    #[arg(long, value_name = "TOPIC")]
+    scan_topic: Option<String>,
+    /// The topic of the odometry, with --odometry [default: the only one]
+    #[arg(long, value_name = "TOPIC")]
+    odometry_topic: Option<String>,
     /// The clock of times
     #[arg(long, value_enum, default_value = "recorder")]
     clock: ClockName,
@@ -52,6 +58,7 @@ enum ClockName {
 }
 
 impl RecordingArgs {
+    /// All of it, without what is taken beside pictures.
     pub(in crate::cli) fn taking(&self) -> Taking {
         Taking {
             topic: self.topic.clone(),
@@ -60,6 +67,10 @@ impl RecordingArgs {
             map: self.map.clone(),
             pose_topic: self.pose_topic.clone(),
             base_frame: self.base_frame.clone(),
+            laser: false,
+            scan_topic: self.scan_topic.clone(),
+            odometry: false,
+            odometry_topic: self.odometry_topic.clone(),
             clock: match self.clock {
                 ClockName::Recorder => Clock::Recorder,
                 ClockName::Stamps => Clock::Stamps,

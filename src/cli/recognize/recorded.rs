@@ -8,15 +8,16 @@ use anyhow::{Context, bail};
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use rayon::prelude::*;
-use roomsight_lab::dataset::{Frame, RecordedPicture};
+use roomsight_lab::dataset::{Frame, RecordedMessage};
 use roomsight_recognition::filter::{RoomFilter, Trust};
-use roomsight_recognition::model::{Features, Model, Recognition, Scratch};
+use roomsight_recognition::model::{self, Features, Model, Recognition, Scan, Scratch};
 use roomsight_recording::message::Picture;
 use roomsight_recording::write::{Channel, JsonRecording};
 use roomsight_vision::image::{Image, Limits};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::Arc;
 
 /// How files begin that Foxglove shows as they are: JPEG, PNG and WebP.
 const SHOWN: [(&[u8], &str); 3] =
@@ -24,9 +25,6 @@ const SHOWN: [(&[u8], &str); 3] =
 
 /// Pictures that are answered at one time.
 const N_AT_ONCE: usize = 64;
-
-/// Seconds from a picture to the next where times do not say it.
-const USUAL_SECONDS: f64 = 0.2;
 
 /// What is drawn over a picture.
 const WHITE: [f64; 4] = [1.0, 1.0, 1.0, 1.0];
@@ -38,6 +36,15 @@ const ORANGE: [f64; 4] = [1.0, 0.6, 0.1, 1.0];
 pub(super) fn read(frame: &Frame, model: &Model, limits: &Limits) -> anyhow::Result<Image> {
     let bytes = frame.read_encoded(limits).map_err(|problem| anyhow::anyhow!("{problem}"))?;
     model.decode(&bytes, limits).with_context(|| frame.path.display().to_string())
+}
+
+/// Reads the scan beside a picture, where a model looks at such.
+pub(super) fn scan(frame: &Frame, model: &Model) -> anyhow::Result<Option<Arc<Scan>>> {
+    let scan = frame.read_scan().map_err(|problem| anyhow::anyhow!("{problem}"))?;
+    if let Some(scan) = &scan {
+        model.extractor().check_scan(scan).with_context(|| frame.path.display().to_string())?;
+    }
+    Ok(scan)
 }
 
 /// The topics that are written.
@@ -95,7 +102,7 @@ impl Topics {
 
 /// Answers the pictures of a recording in order, into a new one.
 pub(super) fn answer(model: &Model, frames: &[Asked], output: &Path, limits: &Limits) -> anyhow::Result<()> {
-    let frames: Vec<(&Frame, &RecordedPicture)> = frames
+    let frames: Vec<(&Frame, &RecordedMessage)> = frames
         .iter()
         .filter_map(|Asked { frame, .. }| frame.as_ref().zip(frame.as_ref()?.recorded.as_ref()))
         .collect();
@@ -106,14 +113,15 @@ pub(super) fn answer(model: &Model, frames: &[Asked], output: &Path, limits: &Li
     let mut file = JsonRecording::create(output).with_context(|| output.display().to_string())?;
     let topics = Topics::new(&mut file, &first.topic().name, model.rooms())?;
     let mut filter = RoomFilter::new(model.rooms().len(), Trust::default());
-    let (mut last_s, mut n_known, mut n_failed) = (None, 0, 0);
+    let (mut last, mut n_known, mut n_failed) = (None, 0, 0);
     let mut n_of_room: BTreeMap<&str, usize> = BTreeMap::new();
     let bar = output::progress("answering", frames.len());
-    let see = |scratch: &mut Scratch, &(frame, recorded): &(&Frame, &RecordedPicture)| {
+    let see = |scratch: &mut Scratch, &(frame, recorded): &(&Frame, &RecordedMessage)| {
         let name = || frame.path.display().to_string();
-        let picture = recorded.read(limits).map_err(anyhow::Error::msg).with_context(name)?;
+        let picture = recorded.picture(limits).map_err(anyhow::Error::msg).with_context(name)?;
         let image = model.decode(&picture.encoded, limits).with_context(name)?;
-        let features = model.features(&image, scratch);
+        let scan = scan(frame, model)?;
+        let features = model.features(model::Frame { image: &image, scan: scan.as_deref() }, scratch);
         Ok((shown(&picture.encoded, limits)?, model.classify(&features), features, picture))
     };
     for some in frames.chunks(N_AT_ONCE) {
@@ -128,10 +136,9 @@ pub(super) fn answer(model: &Model, frames: &[Asked], output: &Path, limits: &Li
                     continue;
                 }
             };
-            let elapsed =
-                frame.time.zip(last_s).map(|(time, last)| time - last).filter(|elapsed| *elapsed > 0.0);
-            filter.update(model.transitions(), elapsed.unwrap_or(USUAL_SECONDS), recognition.observation());
-            last_s = frame.time;
+            let since = last.and_then(|last: &Frame| last.interval_to(frame)).unwrap_or(0.0.into());
+            filter.update(model.transitions(), since, recognition.observation());
+            last = Some(frame);
             n_known += usize::from(recognition.known);
             *n_of_room.entry(&model.rooms()[filter.room_idx()]).or_default() += 1;
             let time_ns = recorded.message().time_ns;

@@ -296,6 +296,8 @@ mod tests {
             split: String::new(),
             time: None,
             pose: None,
+            odometry: None,
+            scan: None,
             recorded: None,
         };
         let track = Track::new(std::slice::from_ref(&frame), Rate::PerSecond(200.0)).unwrap();

@@ -130,6 +130,8 @@ mod tests {
             split: String::new(),
             time,
             pose: None,
+            odometry: None,
+            scan: None,
             recorded: None,
         };
         of.iter().map(frame).collect()

@@ -40,10 +40,12 @@ pub(super) fn frames(
         let frame = &dataset.frames[described.frame_idxs[sample_idx]];
         let small = Limits { max_bytes: MAX_GOLDEN_BYTES, ..*limits };
         let bytes = frame.read_encoded(&small).ok().filter(|bytes| looks_the_same(bytes))?;
+        let scan = frame.read_scan().ok()?.filter(|_| model.wants_scans());
         let answer = validate::answer(model, &described.samples, sample_idx);
         Some(GoldenFrame {
             name: golden_name(model.rooms(), room_idx, &frame.path),
             bytes,
+            scan: scan.as_deref().cloned(),
             probability: answer.recognition.probability(),
             room: answer.room,
         })

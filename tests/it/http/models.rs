@@ -45,7 +45,7 @@ pub fn other_packed(golden_frames: &[GoldenFrame]) -> Vec<u8> {
 
 fn golden(named: &str) -> GoldenFrame {
     let probability = answer_to_stripes();
-    GoldenFrame { name: "stripes.pgm".into(), bytes: room(0, 0), room: named.into(), probability }
+    GoldenFrame { name: "stripes.pgm".into(), bytes: room(0, 0), scan: None, room: named.into(), probability }
 }
 
 /// How sure both models are of a frame of stripes.

@@ -5,12 +5,14 @@
 //! M. M. Ullah et al., "The COLD database", technical report, 2007.
 
 mod labels;
+mod senses;
 
 use labels::frame_name;
 pub use labels::{LabelLine, parse_places};
+use senses::Senses;
 
 use super::tree::Tree;
-use super::{Dataset, DatasetError, Format, Frame, Problem, files};
+use super::{Dataset, DatasetError, Format, Frame, Problem, Taking, files};
 use crate::cold_layout::{
     LAB_PREFIX, LABEL_FILE, LABEL_FOLDER, OMNIDIRECTIONAL_FOLDER, PART_FOLDERS, PERSPECTIVE_FOLDER,
     sequence_number,
@@ -93,7 +95,7 @@ pub(super) fn find_sequences(tree: &Tree) -> Vec<&Tree> {
 }
 
 /// Reads these sequences, found below `root`.
-pub(super) fn read(root: &Tree, sequences: &[&Tree]) -> Result<Dataset, DatasetError> {
+pub(super) fn read(root: &Tree, sequences: &[&Tree], taking: &Taking) -> Result<Dataset, DatasetError> {
     let mut dataset = Dataset::new(&root.path, Format::Cold);
     let location = |folder: &Path| fs::canonicalize(folder).map_err(|error| DatasetError::io(folder, error));
     dataset.problems.extend(root.all_unreadable().into_iter().cloned());
@@ -109,7 +111,7 @@ pub(super) fn read(root: &Tree, sequences: &[&Tree]) -> Result<Dataset, DatasetE
             }
             None => {
                 folder_of.insert(name.clone(), &sequence.path);
-                add_sequence(&mut dataset, sequence, name);
+                add_sequence(&mut dataset, sequence, name, taking);
             }
         }
     }
@@ -160,13 +162,14 @@ fn sequence_name(root: &Path, folder: &Path) -> String {
     names.join("/")
 }
 
-/// One sequence: its name, and its labels by the names of the frames.
+/// One sequence: its name, its labels by the names of the frames, and what was sensed beside them.
 struct Sequence<'a> {
     name: String,
     lines: HashMap<&'a str, &'a LabelLine>,
+    senses: Senses,
 }
 
-fn add_sequence(dataset: &mut Dataset, tree: &Tree, name: String) {
+fn add_sequence(dataset: &mut Dataset, tree: &Tree, name: String, taking: &Taking) {
     let label_file = tree.path.join(LABEL_FOLDER).join(LABEL_FILE);
     let mut lines = Vec::new();
     if label_file.exists() {
@@ -182,7 +185,9 @@ fn add_sequence(dataset: &mut Dataset, tree: &Tree, name: String) {
         dataset.report(&label_file, "no such file: the frames of this sequence have no place");
     }
     note_unknown(dataset, &label_file, &lines);
-    let sequence = Sequence { name, lines: lines.iter().map(|line| (line.frame.as_str(), line)).collect() };
+    let senses = Senses::read(dataset, &tree.path, taking);
+    let lines_by_frame = lines.iter().map(|line| (line.frame.as_str(), line)).collect();
+    let sequence = Sequence { name, lines: lines_by_frame, senses };
     let mut has_camera = false;
     for (camera_folder, camera) in CAMERA_FOLDERS {
         if let Some(camera_folder) = tree.folder(camera_folder) {
@@ -230,6 +235,8 @@ fn add_frames(dataset: &mut Dataset, sequence: &Sequence, folder: &Tree, camera:
             split: String::new(),
             time: Some(line.time),
             pose: Some(line.pose),
+            odometry: sequence.senses.odometry_at(line.time),
+            scan: sequence.senses.scan_at(line.time),
             recorded: None,
         });
     }

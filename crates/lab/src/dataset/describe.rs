@@ -2,7 +2,7 @@
 
 use super::{Dataset, Look, Problem, near_pairs};
 use rayon::prelude::*;
-use roomsight_recognition::model::{Extractor, Sample, Scratch};
+use roomsight_recognition::model::{self, Extractor, Sample, Scratch};
 use roomsight_vision::camera::Mirror;
 use roomsight_vision::image::{Image, Limits};
 use std::collections::{BTreeMap, HashMap};
@@ -58,7 +58,14 @@ impl Dataset {
                 }
                 let described = frame.read_encoded(limits).and_then(|bytes| {
                     let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
-                    let features = extractor.extract(&image, scratch);
+                    let scan = frame.read_scan()?;
+                    if let Some(scan) = &scan {
+                        extractor
+                            .check_scan(scan)
+                            .map_err(|error| Problem::new(&frame.path, error.to_string()))?;
+                    }
+                    let seen = model::Frame { image: &image, scan: scan.as_deref() };
+                    let features = extractor.extract(seen, scratch);
                     let (room, sequence) = (frame.room.clone(), frame.sequence.clone());
                     let (digest, look) = (blake3::hash(&bytes), Look::of(&image));
                     let (name, pose) = (self.name_of(&frame.path), frame.pose);

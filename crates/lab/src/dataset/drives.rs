@@ -30,7 +30,8 @@ impl Dataset {
         let room_idx = |frame: &Frame| rooms.binary_search(&frame.room).ok();
         let step = |pair: &[Frame]| {
             let seconds = pair[0].seconds_to(&pair[1])?;
-            Some(Step { from: room_idx(&pair[0])?, to: room_idx(&pair[1])?, seconds })
+            let meters = pair[0].meters_to(&pair[1]);
+            Some(Step { from: room_idx(&pair[0])?, to: room_idx(&pair[1])?, seconds, meters })
         };
         let pairs = self.frames.windows(2).filter(|_| self.is_in_order());
         Transitions::learn(rooms.len(), pairs.filter_map(step))
@@ -52,6 +53,8 @@ mod tests {
             split: String::new(),
             time,
             pose: None,
+            odometry: None,
+            scan: None,
             recorded: None,
         }
     }

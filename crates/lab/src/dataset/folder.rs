@@ -207,6 +207,8 @@ fn add_frames(dataset: &mut Dataset, folder: &Tree, labels: &Labels) {
         split: labels.split.to_owned(),
         time: None,
         pose: None,
+        odometry: None,
+        scan: None,
         recorded: None,
     }));
 }

@@ -310,6 +310,8 @@ fn frame(row: &Row, path: &Path, line: u64) -> Result<Frame, DatasetError> {
         split: row.split.to_owned(),
         time: None,
         pose: None,
+        odometry: None,
+        scan: None,
         recorded: None,
     })
 }

@@ -14,12 +14,15 @@ mod taking;
 
 pub use taking::{Clock, Taking};
 
+use super::senses::{ByTime, ScanSource};
 use super::{Dataset, DatasetError, Format, Frame, Problem, files};
+use crate::cold_layout::tdf::Timed;
 use labels::RoomTrack;
 use map::RoomMap;
 use poses::PoseTrack;
-use roomsight_recording::message::{Picture, stamp_ns};
-use roomsight_recording::{Message, Recording, Topic, is_called_so};
+use roomsight_recognition::model::Scan;
+use roomsight_recording::message::{Picture, Sweep, stamp_ns, sweep};
+use roomsight_recording::{Kind, Message, Recording, Topic, is_called_so};
 use roomsight_vision::camera::CameraKind;
 use roomsight_vision::image::Limits;
 use std::fmt;
@@ -36,32 +39,32 @@ const MAX_NAMED: usize = 12;
 /// How deep recordings may lie in folders, the given one included.
 const MAX_DEPTH: usize = 4;
 
-/// A picture in a recording.
+/// A message in a recording.
 #[derive(Clone)]
-pub struct RecordedPicture {
+pub struct RecordedMessage {
     recording: Arc<Recording>,
     message: Message,
 }
 
-impl PartialEq for RecordedPicture {
+impl PartialEq for RecordedMessage {
     fn eq(&self, other: &Self) -> bool {
         Arc::ptr_eq(&self.recording, &other.recording) && self.message == other.message
     }
 }
 
-impl fmt::Debug for RecordedPicture {
+impl fmt::Debug for RecordedMessage {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        f.debug_tuple("RecordedPicture").field(&self.recording.path()).field(&self.message).finish()
+        f.debug_tuple("RecordedMessage").field(&self.recording.path()).field(&self.message).finish()
     }
 }
 
-impl RecordedPicture {
+impl RecordedMessage {
     /// The recording.
     pub fn recording(&self) -> &Arc<Recording> {
         &self.recording
     }
 
-    /// The message that holds it.
+    /// Where it lies in it.
     pub fn message(&self) -> &Message {
         &self.message
     }
@@ -71,12 +74,26 @@ impl RecordedPicture {
         &self.recording.topics()[self.message.topic_idx]
     }
 
-    /// The picture, and what its message says of it.
+    fn bytes(&self) -> Result<Vec<u8>, String> {
+        self.recording.read(&self.message).map_err(|error| error.to_string())
+    }
+
+    /// The scan that it holds.
     ///
     /// # Errors
     /// Why it cannot be read.
-    pub fn read(&self, limits: &Limits) -> Result<Picture, String> {
-        let message = self.recording.read(&self.message).map_err(|error| error.to_string())?;
+    pub fn scan(&self) -> Result<Scan, String> {
+        let sweep = sweep(self.topic(), &self.bytes()?).map_err(|error| error.to_string())?;
+        let Sweep { angle_min, angle_increment, range_max, ranges } = sweep;
+        Scan::new(angle_min, angle_increment, range_max, ranges).map_err(|error| error.to_string())
+    }
+
+    /// The picture that it holds, and what it says of it.
+    ///
+    /// # Errors
+    /// Why it cannot be read.
+    pub fn picture(&self, limits: &Limits) -> Result<Picture, String> {
+        let message = self.bytes()?;
         let picture = Picture::read(self.topic(), &message).map_err(|error| error.to_string())?;
         match picture.encoded.len() {
             n_bytes if n_bytes > limits.max_bytes => {
@@ -146,6 +163,8 @@ fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Re
         return Ok(());
     };
     let poses = PoseTrack::of(recording, taking)?;
+    let odometry = PoseTrack::of_odometry(recording, taking)?;
+    let scans = scans(recording, taking)?;
     let rooms = Rooms::of(recording, taking, first_ns)?;
     let sequence = drive_name(&dataset.root, &path);
     let mut last_ns = None;
@@ -155,7 +174,9 @@ fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Re
             continue;
         };
         last_ns = Some(time_ns);
-        let pose = poses.as_ref().and_then(|poses| poses.at(time_ns));
+        // Whatever clock pictures are dated by, what was recorded beside them belongs to them.
+        let at_ns = message.time_ns;
+        let pose = poses.as_ref().and_then(|poses| poses.at(at_ns));
         let room = rooms.as_ref().and_then(|rooms| rooms.at(time_ns, pose.as_ref()));
         let frame = Frame {
             path: path.join(format!("{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000)),
@@ -165,7 +186,9 @@ fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Re
             split: String::new(),
             time: Some(time_ns as f64 / SECOND),
             pose,
-            recorded: Some(RecordedPicture { recording: recording.clone(), message }),
+            odometry: odometry.as_ref().and_then(|odometry| odometry.at(at_ns)),
+            scan: scans.at(at_ns as f64 / SECOND).cloned(),
+            recorded: Some(RecordedMessage { recording: recording.clone(), message }),
         };
         if frame.room.is_empty() { dataset.unlabeled.push(frame) } else { dataset.frames.push(frame) }
     }
@@ -177,6 +200,63 @@ fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Re
         return Err(unusable(recording, rooms.why_none(from, to)));
     }
     Ok(())
+}
+
+/// Where the scans are that lie beside pictures; none where they are not wanted.
+fn scans(recording: &Arc<Recording>, taking: &Taking) -> Result<ByTime<ScanSource>, DatasetError> {
+    if !taking.laser {
+        return Ok(ByTime::new(Vec::new()));
+    }
+    let wanted = Wanted {
+        what: "scans of a laser",
+        option: "--scan-topic",
+        name: taking.scan_topic.as_deref(),
+        is_wanted: |topic| topic.kind() == Kind::LaserScan,
+    };
+    let topic_idx = wanted.topic_of(recording)?;
+    let (messages, _) =
+        recording.messages(&[topic_idx]).map_err(|error| unusable(recording, error.to_string()))?;
+    let source = |message: Message| {
+        let time = message.time_ns as f64 / SECOND;
+        let message = RecordedMessage { recording: Arc::clone(recording), message };
+        Timed { time, what: ScanSource::Recorded(message) }
+    };
+    Ok(ByTime::new(messages.into_iter().map(source).collect()))
+}
+
+/// What is looked for among the topics of a recording.
+struct Wanted<'a> {
+    what: &'static str,
+    /// What chooses among several.
+    option: &'static str,
+    /// The one that is asked for; the only one where none is.
+    name: Option<&'a str>,
+    is_wanted: fn(&Topic) -> bool,
+}
+
+impl Wanted<'_> {
+    fn topic_of(&self, recording: &Recording) -> Result<usize, DatasetError> {
+        let (topics, what) = (recording.topics(), self.what);
+        let there: Vec<usize> = (0..topics.len()).filter(|&idx| (self.is_wanted)(&topics[idx])).collect();
+        let listed = || named(topics, &there);
+        match (self.name, &there[..]) {
+            (Some(name), there) => {
+                there.iter().copied().find(|&idx| topics[idx].name == name).ok_or_else(|| {
+                    unusable(
+                        recording,
+                        format!("there is no topic {name} with {what}; there are: {}", listed()),
+                    )
+                })
+            }
+            (None, [only]) => Ok(*only),
+            (None, []) => Err(unusable(recording, format!("no topic holds {what}"))),
+            (None, _) => {
+                let why =
+                    format!("several topics hold {what}: choose one with {}: {}", self.option, listed());
+                Err(unusable(recording, why))
+            }
+        }
+    }
 }
 
 /// The topic whose pictures are taken.

@@ -11,7 +11,7 @@ use super::{Dataset, DatasetError, Format, Frame, Look, Pose, Problem, files};
 use crate::part::Part;
 use crate::whole_file;
 use roomsight_recognition::model::{
-    Extractor, FeaturesError, Looked, Sample, features_from_bytes, features_to_bytes,
+    Extractor, FeaturesError, LaserShape, Looked, Sample, features_from_bytes, features_to_bytes,
 };
 use roomsight_vision::camera::{CameraKind, Projection};
 use serde::{Deserialize, Serialize};
@@ -75,6 +75,8 @@ struct ShardFrame {
     time: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pose: Option<Pose>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    odometry: Option<Pose>,
     name: String,
     /// The BLAKE3 digest of the picture.
     picture: String,
@@ -152,6 +154,8 @@ impl Shard {
             split: frame.split.clone(),
             time: frame.time,
             pose: frame.pose,
+            odometry: frame.odometry,
+            scan: None,
             recorded: None,
         }
     }
@@ -254,6 +258,11 @@ impl Dataset {
         self.shards.iter().find_map(in_shard)
     }
 
+    /// How the scans of lasers were looked at of frames that are described; `None` where they were not, and of pictures.
+    pub fn described_laser(&self) -> Option<LaserShape> {
+        self.shards.first().and_then(|shard| shard.looked.laser())
+    }
+
     /// The frames of one part, as many as of the others or one more.
     pub fn with_part(mut self, part: Part) -> Self {
         let range = part.range(self.frames.len());
@@ -331,7 +340,7 @@ impl Dataset {
         let root = self.folder().canonicalize().map_err(io(self.folder()))?;
         let frame = |sample_idx: usize| {
             let (frame_idx, sample) = (described.frame_idxs[sample_idx], &described.samples[sample_idx]);
-            let Frame { path, room, sequence, camera, split, time, pose, .. } =
+            let Frame { path, room, sequence, camera, split, time, pose, odometry, .. } =
                 self.frames[frame_idx].clone();
             ShardFrame {
                 file: path.strip_prefix(self.folder()).map_or_else(|_| absolute(&path), Path::to_owned),
@@ -341,6 +350,7 @@ impl Dataset {
                 split,
                 time,
                 pose,
+                odometry,
                 name: sample.name.clone(),
                 picture: described.digests[sample_idx].to_hex().to_string(),
                 look: described.looks[sample_idx].clone(),

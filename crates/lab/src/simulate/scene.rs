@@ -105,6 +105,15 @@ impl Scene {
         }
     }
 
+    /// How far a level beam goes until it meets something, a person included; none where it meets nothing within `reach`.
+    pub fn reach(&self, origin: Vec3, direction: Vec3, reach: f32, person: Option<&Person>) -> Option<f32> {
+        let hit = self.caster.cast(origin, direction, reach).map(|hit| hit.distance);
+        let of_person = person
+            .and_then(|person| person.entry(origin, direction, hit.unwrap_or(reach)))
+            .map(|(distance, _)| distance);
+        of_person.or(hit)
+    }
+
     #[cfg(test)]
     pub fn is_clear(&self, from: Vec3, to: Vec3) -> bool {
         self.caster.is_clear(from, to)

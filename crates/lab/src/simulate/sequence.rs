@@ -2,7 +2,7 @@
 
 use super::walls::{WALLS_FILE, Wall};
 use super::{CameraKind, SequenceSpec, Simulation};
-use crate::cold_layout::{LABEL_FILE, LABEL_FOLDER};
+use crate::cold_layout::{LABEL_FILE, LABEL_FOLDER, ODOMETRY_FILE, SCAN_FILE, SENSES_FOLDER, tdf};
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 use rayon::prelude::*;
@@ -50,8 +50,8 @@ pub struct SequenceSummary {
 }
 
 impl Simulation {
-    /// Writes the sequence below `root`: the frames of `cameras`, `localization/places.lst`, and the walls for maps. Calls
-    /// `progress` with the number of frames that were written since the last call.
+    /// Writes the sequence below `root`: the frames of `cameras`, `localization/places.lst`, odometry and scans, and the walls
+    /// for maps. Calls `progress` with the number of frames that were written since the last call.
     ///
     /// A sequence appears under its name when it is complete; what an interrupted run leaves behind ends
     /// in `.partial`. One that is there already is kept if it is the same, replaced otherwise.
@@ -74,6 +74,7 @@ impl Simulation {
             remove(&partial)?;
             write_frames(self, cameras, &partial, progress)?;
             write_labels(self, &partial)?;
+            write_senses(self, &partial)?;
             records.forget(&self.spec)?;
             remove(&folder)?;
             fs::rename(&partial, &folder).map_err(failed(&folder))?;
@@ -117,6 +118,21 @@ fn write_labels(simulation: &Simulation, folder: &Path) -> Result<(), SimulateEr
     fs::write(&path, labels).map_err(failed(&path))?;
     let path = folder.join(WALLS_FILE);
     fs::write(&path, Wall::to_csv(&simulation.walls())).map_err(failed(&path))
+}
+
+fn write_senses(simulation: &Simulation, folder: &Path) -> Result<(), SimulateError> {
+    let n_frames = simulation.n_frames();
+    let scan = |idx: usize| tdf::scan_line(simulation.time(idx), &simulation.scan(idx));
+    let scans: Vec<String> = (0..n_frames).into_par_iter().map(scan).collect();
+    let poses = simulation.odometry().into_iter().enumerate();
+    let odometry: String = poses.map(|(idx, pose)| tdf::odometry_line(simulation.time(idx), &pose)).collect();
+    let senses = folder.join(SENSES_FOLDER);
+    fs::create_dir_all(&senses).map_err(failed(&senses))?;
+    for (file, lines) in [(ODOMETRY_FILE, odometry), (SCAN_FILE, scans.concat())] {
+        let path = senses.join(file);
+        fs::write(&path, lines).map_err(failed(&path))?;
+    }
+    Ok(())
 }
 
 fn encoded(frame: &RgbImage) -> Result<Vec<u8>, SimulateError> {
@@ -173,10 +189,11 @@ impl Records {
 fn record(spec: &SequenceSpec, cameras: &[CameraKind]) -> String {
     let cameras: Vec<&str> = cameras.iter().map(|camera| camera.folder()).collect();
     format!(
-        "{} seed {} frames_per_second {} cameras {} sources {}",
+        "{} seed {} frames_per_second {} stops {} cameras {} sources {}",
         spec.folder().display(),
         spec.seed,
         spec.frames_per_second,
+        spec.has_stops,
         cameras.join(","),
         env!("ROOMSIGHT_SIMULATION_SOURCES"),
     )

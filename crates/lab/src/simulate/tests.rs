@@ -17,6 +17,7 @@ fn spec(illumination: Illumination, run: u32) -> SequenceSpec {
         run,
         seed: 0,
         frames_per_second: 5.0,
+        has_stops: false,
     }
 }
 

@@ -23,7 +23,7 @@ fn any_transitions(n_rooms: usize) -> impl Strategy<Value = Transitions> {
             let sum: f32 = row.iter().sum();
             row.iter_mut().for_each(|to| *to /= sum);
         }
-        Transitions::from_parts(n_rooms, dwells, next).unwrap()
+        Transitions::from_parts(n_rooms, dwells, next, None).unwrap()
     })
 }
 
@@ -65,7 +65,7 @@ fn assert_close(found: &[f32], expected: &[f64], tolerance: f64) {
 fn dwell_and_next_room_are_learned_with_one_visit_more() {
     // Room 0 for 10 s, room 1 for 4 s, room 0 for 6 s and not left. Room 2 is never seen.
     let steps = [(0, 0, 5.0), (0, 1, 5.0), (1, 0, 4.0), (0, 0, 6.0)];
-    let steps = steps.map(|(from, to, seconds)| Step { from, to, seconds });
+    let steps = steps.map(|(from, to, seconds)| Step { from, to, seconds, meters: None });
     let transitions = Transitions::learn(3, steps);
     // 20 s and 2 departures: the mean is 10 s.
     assert_eq!(transitions.dwells(), [(16.0 + 10.0) / 2.0, (4.0 + 10.0) / 2.0, 10.0]);
@@ -79,13 +79,14 @@ fn where_nothing_was_learned_all_rooms_are_alike() {
     let unlearned = Transitions::unlearned(3);
     assert_eq!(unlearned.dwells(), [20.0; 3]);
     assert_eq!(unlearned.next().row(1), [0.5, 0.0, 0.5]);
-    assert_eq!(Transitions::from_parts(3, vec![20.0; 3], unlearned.next().clone()).unwrap(), unlearned);
+    assert_eq!(Transitions::from_parts(3, vec![20.0; 3], unlearned.next().clone(), None).unwrap(), unlearned);
 }
 
 #[test]
 fn arrays_that_are_no_transitions_are_refused() {
     let next = |values: [f32; 4]| Matrix::from_vec(values.to_vec(), 2).unwrap();
-    let refused = |dwells: &[f32], values| Transitions::from_parts(2, dwells.to_vec(), next(values)).err();
+    let refused =
+        |dwells: &[f32], values| Transitions::from_parts(2, dwells.to_vec(), next(values), None).err();
     let other = [0.0, 1.0, 1.0, 0.0];
     assert_eq!(refused(&[3.0, 4.0], other), None);
     assert_eq!(refused(&[3.0], other), Some(TransitionsError::Shape { found: 1, expected: 2 }));
@@ -133,7 +134,9 @@ fn numbers_that_make_no_sense_do_no_harm() {
 #[test]
 fn times_that_make_no_sense_are_learned_as_none_or_long() {
     let learn = |times: [f64; 2]| {
-        Transitions::learn(2, times.map(|seconds| Step { from: 0, to: 1, seconds })).dwells().to_vec()
+        Transitions::learn(2, times.map(|seconds| Step { from: 0, to: 1, seconds, meters: None }))
+            .dwells()
+            .to_vec()
     };
     assert_eq!(learn([f64::NAN, 3.0]), learn([0.0, 3.0]));
     assert_eq!(learn([-7.0, 3.0]), learn([0.0, 3.0]));
@@ -159,6 +162,97 @@ fn a_robot_that_is_carried_elsewhere_is_unknown_within_a_second_and_known_again_
     assert!(!is_known && novelty > 0.5, "{novelty}");
     assert!(!is_known_after(300, 0.95).0);
     assert!(is_known_after(FRAMES_A_SECOND, 0.1).0);
+}
+
+/// A fifth of a second in which a robot moved so.
+fn moved(meters: f64, radians: f64) -> Interval {
+    Interval { seconds: 0.2, motion: Some(Motion { meters, radians }) }
+}
+
+/// A filter that is sure of the first of three rooms.
+fn sure() -> RoomFilter {
+    let mut filter = RoomFilter::new(3, Trust::default());
+    let frame = Observation { probabilities: &[0.8, 0.1, 0.1], novelty: Some(0.1) };
+    (0..20).for_each(|_| _ = filter.update(&Transitions::unlearned(3), 0.2, frame));
+    filter
+}
+
+#[test]
+fn a_robot_that_stands_does_not_drift_to_another_room_and_looks_again_at_what_was_counted() {
+    let transitions = Transitions::unlearned(3);
+    let after = |since: Interval, n_frames: usize, probabilities: [f32; 3]| {
+        let mut filter = sure();
+        (0..n_frames).for_each(|_| _ = filter.update(&transitions, since, rooms(&probabilities)));
+        (filter.room_idx(), filter.belief()[0])
+    };
+    // A minute of frames that say nothing.
+    let third = [1.0 / 3.0; 3];
+    let (by_time, standing) = (after(0.2.into(), 300, third).1, after(moved(0.0, 0.0), 300, third).1);
+    assert!(by_time < 0.4 && standing > 0.9, "{by_time}, {standing}");
+    // Two seconds of a person before the lens.
+    let wrong = [0.2, 0.6, 0.2];
+    assert_eq!(after(0.2.into(), 10, wrong).0, 1);
+    assert_eq!(after(moved(0.0, 0.0), 10, wrong).0, 0);
+    // A robot that was lifted sees it in the end.
+    assert_eq!(after(moved(0.0, 0.0), 100, [0.05, 0.9, 0.05]).0, 1);
+}
+
+#[test]
+fn turning_in_place_shows_more_of_the_room_and_leads_to_no_other() {
+    let transitions = Transitions::unlearned(3);
+    let mut filter = RoomFilter::new(3, Trust::default());
+    let mut turn = |n_frames: usize, probabilities: [f32; 3]| {
+        (0..n_frames).for_each(|_| _ = filter.update(&transitions, moved(0.0, 0.3), rooms(&probabilities)));
+        filter.belief()[0]
+    };
+    assert!(turn(10, [0.6, 0.2, 0.2]) > 0.95);
+    assert!(turn(100, [1.0 / 3.0; 3]) > 0.95);
+}
+
+#[test]
+fn the_way_counts_instead_of_time_and_by_the_learned_speed_as_much() {
+    let steps = [(0, 1, 10.0, 5.0), (1, 0, 10.0, 5.0)];
+    let steps = steps.map(|(from, to, seconds, meters)| Step { from, to, seconds, meters: Some(meters) });
+    let transitions = Transitions::learn(2, steps);
+    assert_eq!(transitions.learned_speed(), Some(0.5));
+    let frame = rooms(&[0.7, 0.3]);
+    let (mut by_time, mut by_way) = (RoomFilter::new(2, trust(1.0)), RoomFilter::new(2, trust(1.0)));
+    for _ in 0..10 {
+        by_time.update(&transitions, 0.4, frame);
+        // Twice as fast, in half the time.
+        by_way.update(&transitions, moved(0.2, 0.0), frame);
+        assert_close(
+            by_way.belief(),
+            &by_time.belief().iter().copied().map(f64::from).collect::<Vec<_>>(),
+            1e-6,
+        );
+    }
+}
+
+#[test]
+fn a_jump_lets_go_at_once() {
+    let mut filter = sure();
+    assert!(filter.is_sure());
+    let seen = Observation { probabilities: &[0.3, 0.4, 0.3], novelty: Some(0.1) };
+    filter.update(&Transitions::unlearned(3), moved(1.5, 0.0), seen);
+    assert_eq!(filter.room_idx(), 0, "so far a robot may drive");
+    filter.update(&Transitions::unlearned(3), moved(5.0, 0.0), seen);
+    assert!(!filter.is_sure() && filter.room_idx() == 1);
+}
+
+#[test]
+fn ways_that_make_no_sense_do_no_harm() {
+    for motion in [(f64::NAN, f64::NAN), (f64::INFINITY, 0.0), (-3.0, -1.0), (0.0, f64::INFINITY)] {
+        let mut filter = sure();
+        let seconds = [0.2, f64::NAN, -1.0, f64::INFINITY];
+        for seconds in seconds {
+            let motion = Some(Motion { meters: motion.0, radians: motion.1 });
+            filter.update(&Transitions::unlearned(3), Interval { seconds, motion }, rooms(&[0.5, 0.3, 0.2]));
+            let sum: f32 = filter.belief().iter().sum();
+            assert!((sum - 1.0).abs() < 1e-5, "{motion:?} in {seconds} s");
+            assert!(filter.novelty().is_some_and(f32::is_finite));
+        }
+    }
 }
 
 #[test]
@@ -256,9 +350,9 @@ proptest! {
 #[test]
 fn where_it_is_after_a_gap_does_not_depend_on_how_often_it_was_asked() {
     for before in [0.0, 0.3, 1.0] {
-        let twice = elsewhere(elsewhere(before, 200.0, None), 100.0, None);
-        assert!((twice - elsewhere(before, 300.0, None)).abs() < 1e-12);
+        let twice = elsewhere(elsewhere(before, 200.0, None, 1.0), 100.0, None, 1.0);
+        assert!((twice - elsewhere(before, 300.0, None, 1.0)).abs() < 1e-12);
         let share_of_time = SECONDS_ELSEWHERE / (SECONDS_ELSEWHERE + SECONDS_AMONG_ROOMS);
-        assert!((elsewhere(before, 1e9, None) - share_of_time).abs() < 1e-12);
+        assert!((elsewhere(before, 1e9, None, 1.0) - share_of_time).abs() < 1e-12);
     }
 }

@@ -10,6 +10,12 @@ const DEFAULT_DWELL: f64 = 20.0;
 /// The shortest and the longest mean dwell, in seconds.
 const DWELL_RANGE: (f64, f64) = (0.1, 1e6);
 
+/// How fast robots drive where nothing says it, in meters a second: those of the COLD database.
+const DEFAULT_SPEED: f32 = 0.3;
+
+/// The slowest and the fastest mean speed, in meters a second.
+const SPEED_RANGE: (f32, f32) = (0.01, 10.0);
+
 /// The longest time that is told from forever, in seconds; after it no robot is where it was.
 const MAX_ELAPSED: f64 = 1e8;
 
@@ -29,6 +35,8 @@ pub struct Transitions {
     dwells: Vec<f32>,
     /// From each room (row) to the next one (column); each row sums to 1, no room follows itself.
     next: Matrix,
+    /// The mean of the drives that said where they went, in meters a second.
+    speed: Option<f32>,
 }
 
 /// From one frame of a drive to the next.
@@ -40,6 +48,8 @@ pub struct Step {
     pub to: usize,
     /// The time between them. What is negative or no number counts as 0, what exceeds 1e8 as that.
     pub seconds: f64,
+    /// The way between them, in meters, where that is known.
+    pub meters: Option<f64>,
 }
 
 /// Why arrays are no transitions.
@@ -59,6 +69,9 @@ pub enum TransitionsError {
     /// A row that is no distribution over the other rooms.
     #[error("its transitions from room {0} do not sum to 1 over the other rooms")]
     Next(usize),
+    /// A speed out of range.
+    #[error("its mean speed is out of range")]
+    Speed,
 }
 
 impl Transitions {
@@ -74,12 +87,20 @@ impl Transitions {
     /// taken at its word alone: each gets one more visit, which lasts as long as the mean of all rooms and
     /// goes on to every other room alike. So no transition is impossible.
     ///
+    /// Where steps say how far they went, the mean speed is learned too, that of robots that stand for a while included: by it
+    /// the way of a robot says how long it would have stayed.
+    ///
     /// Panics when a room is not below `n_rooms`.
     pub fn learn(n_rooms: usize, steps: impl IntoIterator<Item = Step>) -> Self {
         let mut seconds = vec![0.0; n_rooms];
         let mut n_departures = vec![0.0; n_rooms];
         let mut counts = vec![vec![0.0; n_rooms]; n_rooms];
+        let (mut all_meters, mut all_seconds) = (0.0, 0.0);
         for step in steps {
+            if let Some(meters) = step.meters.filter(|meters| meters.is_finite()) {
+                all_meters += meters;
+                all_seconds += sensible(step.seconds);
+            }
             seconds[step.from] += sensible(step.seconds);
             if step.from != step.to {
                 n_departures[step.from] += 1.0;
@@ -100,16 +121,23 @@ impl Transitions {
                 row[to] = ((count + share) / (n_departures + 1.0)) as f32;
             }
         }
-        Self { dwells, next }
+        let speed = (all_meters > 0.0 && all_seconds > 0.0)
+            .then(|| ((all_meters / all_seconds) as f32).clamp(SPEED_RANGE.0, SPEED_RANGE.1));
+        Self { dwells, next, speed }
     }
 
-    /// Puts transitions between `n_rooms` rooms together from their arrays, as [`Transitions::dwells`] and
-    /// [`Transitions::next`] gave them.
+    /// Puts transitions between `n_rooms` rooms together from their arrays, as [`Transitions::dwells`],
+    /// [`Transitions::next`] and [`Transitions::learned_speed`] gave them.
     ///
     /// # Errors
     /// Other shapes, a dwell that is not from 0.1 to 1,000,000 seconds, a row that is no distribution over
-    /// the other rooms.
-    pub fn from_parts(n_rooms: usize, dwells: Vec<f32>, next: Matrix) -> Result<Self, TransitionsError> {
+    /// the other rooms, a speed that is not from 0.01 to 10 meters a second.
+    pub fn from_parts(
+        n_rooms: usize,
+        dwells: Vec<f32>,
+        next: Matrix,
+        speed: Option<f32>,
+    ) -> Result<Self, TransitionsError> {
         for found in [dwells.len(), next.n_rows(), next.n_cols()] {
             if found != n_rooms {
                 return Err(TransitionsError::Shape { found, expected: n_rooms });
@@ -119,12 +147,15 @@ impl Transitions {
         if let Some(room_idx) = dwells.iter().position(|dwell| !range.contains(dwell)) {
             return Err(TransitionsError::Dwell(room_idx));
         }
+        if speed.is_some_and(|speed| !(SPEED_RANGE.0..=SPEED_RANGE.1).contains(&speed)) {
+            return Err(TransitionsError::Speed);
+        }
         let is_distribution = |(from, row): (usize, &[f32])| {
             let sum: f32 = row.iter().sum();
             row[from] == 0.0 && row.iter().all(|&to| to >= 0.0) && (sum - 1.0).abs() <= SUM_TOLERANCE
         };
         let wrong = next.rows().enumerate().position(|row| !is_distribution(row));
-        wrong.map_or(Ok(Self { dwells, next }), |room_idx| Err(TransitionsError::Next(room_idx)))
+        wrong.map_or(Ok(Self { dwells, next, speed }), |room_idx| Err(TransitionsError::Next(room_idx)))
     }
 
     /// The mean time that a robot stays, one a room, in seconds.
@@ -135,6 +166,16 @@ impl Transitions {
     /// The probability of each room (column) as the one after a room (row), rooms x rooms.
     pub fn next(&self) -> &Matrix {
         &self.next
+    }
+
+    /// How fast the robots of training drove, in meters a second; `None` where their drives did not say where they went.
+    pub fn learned_speed(&self) -> Option<f32> {
+        self.speed
+    }
+
+    /// How fast robots drive, in meters a second: 0.3 where it was not learned.
+    pub(super) fn speed(&self) -> f64 {
+        f64::from(self.speed.unwrap_or(DEFAULT_SPEED))
     }
 
     /// Where a robot is `elapsed` seconds after it was somewhere with these probabilities. The answer sums

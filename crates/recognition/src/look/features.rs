@@ -17,7 +17,7 @@ pub struct Features {
     pub seen: Vec<Seen>,
     /// Pixels of the frame as it came for one pixel at working size, at least 1.
     pub scale: f32,
-    /// Why nothing can be seen in the frame, if so.
+    /// Why nothing can be seen in the picture, if so.
     pub flaw: Option<Flaw>,
 }
 
@@ -35,6 +35,17 @@ impl Features {
     /// What one sight sees; `None` where the extractor was not configured to look so.
     pub fn of(&self, sight: &Sight) -> Option<&Seen> {
         self.sights.iter().zip(&self.seen).find(|(other, _)| *other == sight).map(|(_, seen)| seen)
+    }
+
+    /// Whether the scan of a laser showed something.
+    pub(crate) fn has_scan(&self) -> bool {
+        let mut seen = self.sights.iter().zip(&self.seen);
+        seen.any(|(sight, seen)| sight.laser().is_some() && !seen.is_nothing())
+    }
+
+    /// Why nothing can be seen in the frame, if so: where a scan shows something, no picture hides that.
+    pub(crate) fn hidden(&self) -> Option<Flaw> {
+        self.flaw.filter(|_| !self.has_scan())
     }
 
     /// The number of keypoints that were found.

@@ -1,5 +1,6 @@
 //! What opinions see of a frame.
 
+use crate::look::laser::LaserShape;
 use crate::look::lens::Lens;
 use crate::look::local::LocalFeatures;
 use roomsight_vision::camera::CameraKind;
@@ -42,6 +43,8 @@ pub enum Sight {
         /// The most keypoints of a frame.
         target: usize,
     },
+    /// The shape of the space around, by the scan of a laser beside the picture.
+    Laser(LaserShape),
 }
 
 /// What a look at a frame costs, about.
@@ -73,6 +76,7 @@ impl Sight {
             Self::Vector(lens) => lens.vector_len(),
             Self::Grid { lens, grid } => lens.grid_len(grid),
             Self::XFeat { .. } => XFeat::N_DIMENSIONS,
+            Self::Laser(_) => LaserShape::N_DIMENSIONS,
         }
     }
 
@@ -80,14 +84,22 @@ impl Sight {
     pub(crate) fn sees_places(&self) -> bool {
         match self {
             Self::Keypoints { .. } | Self::Grid { .. } | Self::XFeat { .. } => true,
-            Self::Patterns(_) | Self::Vector(_) => false,
+            Self::Patterns(_) | Self::Vector(_) | Self::Laser(_) => false,
+        }
+    }
+
+    /// How it looks at the scan of a laser, if it does; else it looks at the picture.
+    pub(crate) fn laser(&self) -> Option<&LaserShape> {
+        match self {
+            Self::Laser(shape) => Some(shape),
+            _ => None,
         }
     }
 
     /// Whether it looks at colors, where a frame has any.
     pub(crate) fn wants_colors(&self) -> bool {
         match self {
-            Self::Keypoints { .. } | Self::Patterns(_) => false,
+            Self::Keypoints { .. } | Self::Patterns(_) | Self::Laser(_) => false,
             Self::Vector(_) | Self::Grid { .. } | Self::XFeat { .. } => true,
         }
     }
@@ -107,6 +119,7 @@ impl Sight {
                 check_scale_space(detector, descriptor, longest_side)
             }
             Self::Patterns(histograms) => histograms.check(),
+            Self::Laser(shape) => shape.check(),
             Self::Vector(lens) => {
                 lens.check()?;
                 match lens.vector_len() {
@@ -168,7 +181,7 @@ impl Sight {
                 Some(_) => LookCost::ScaleSpace,
                 None => LookCost::Cheap,
             },
-            Self::Patterns(_) => LookCost::Cheap,
+            Self::Patterns(_) | Self::Laser(_) => LookCost::Cheap,
             Self::Vector(_) | Self::Grid { .. } | Self::XFeat { .. } => LookCost::Network,
         }
     }
@@ -176,7 +189,7 @@ impl Sight {
     /// The network that it looks through, if it does.
     pub(crate) fn lens(&self) -> Option<&Lens> {
         match self {
-            Self::Keypoints { .. } | Self::Patterns(_) => None,
+            Self::Keypoints { .. } | Self::Patterns(_) | Self::Laser(_) => None,
             Self::Vector(lens) | Self::Grid { lens, .. } | Self::XFeat { lens, .. } => Some(lens),
         }
     }

@@ -7,6 +7,7 @@
 use crate::file::arrays::{Array, Arrays, require, serialize};
 use crate::file::error::FormatError;
 use crate::look::flaw::Flaw;
+use crate::look::laser::LaserShape;
 use crate::look::local::LocalFeatures;
 use crate::look::sight::{Seen, Sight};
 use crate::model::{Extractor, Features};
@@ -75,6 +76,15 @@ impl Looked {
         }
     }
 
+    /// How it looked at the scans of lasers, if it did.
+    pub fn laser(&self) -> Option<LaserShape> {
+        let of_laser = |key: &String| match serde_json::from_str(key).ok()? {
+            SightKey::Laser(shape) => Some(shape),
+            SightKey::Other => None,
+        };
+        self.sights.iter().find_map(of_laser)
+    }
+
     /// What hinders an extractor from using what was seen so, if anything.
     ///
     /// # Errors
@@ -96,6 +106,15 @@ impl Looked {
         }
         Ok(())
     }
+}
+
+/// What a [`key`] says of a laser.
+#[derive(Deserialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+enum SightKey {
+    Laser(LaserShape),
+    #[serde(other)]
+    Other,
 }
 
 /// What tells a way to look from others.

@@ -2,12 +2,13 @@
 
 use crate::classify::svm;
 use crate::file::names::{BAG, PATTERNS};
+use crate::look::laser::LaserShape;
 use crate::look::lens::Lens;
 use crate::model::choose::Candidate;
 use crate::model::config::{ALWAYS_ALL, Config};
 use crate::opinions::{
-    Classifier, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered, Representation,
-    VectorConfig,
+    Classifier, LaserConfig, MachinesConfig, MemoryConfig, OpinionConfig, PatternsConfig, Remembered,
+    Representation, VectorConfig,
 };
 use crate::vocabulary;
 use crate::vocabulary::Pooling;
@@ -45,11 +46,25 @@ pub struct Means {
     pub has_network: bool,
     /// The longest side of the frames, in pixels, or about that.
     pub longest_side: usize,
+    /// How the scans of a laser beside the frames can be looked at, where there are any.
+    pub laser: Option<LaserShape>,
 }
 
 impl Means {
-    /// The candidates, in the order of preference.
+    /// The candidates, in the order of preference. A laser is looked at beside whatever else, since it costs next to nothing.
     pub fn candidates(&self) -> Vec<Candidate> {
+        let mut candidates = self.of_pictures();
+        let Some(shape) = self.laser else { return candidates };
+        let laser = Named("laser", OpinionConfig::Laser(LaserConfig { shape, ..LaserConfig::default() }));
+        for candidate in &mut candidates {
+            candidate.name.push_str(", and a laser");
+            candidate.config.opinions.insert(laser.0.to_owned(), laser.1.clone());
+        }
+        candidates.push(self.candidate("a laser alone", vec![laser]));
+        candidates
+    }
+
+    fn of_pictures(&self) -> Vec<Candidate> {
         let with_network = self.has_network && self.effort != Effort::Fast;
         let is_around = self.camera != CameraKind::Perspective;
         let (mut rooms, looks) = match self.effort {
@@ -180,7 +195,10 @@ mod tests {
     fn candidates_are_parts_of_one_configuration_that_makes_sense() {
         for camera in [CameraKind::Perspective, CameraKind::Equirectangular, CameraKind::Omnidirectional] {
             for effort in [Effort::Fast, Effort::Balanced, Effort::Best] {
-                let candidates = Means { effort, camera, has_network: false, longest_side: 640 }.candidates();
+                let laser = Some(LaserShape::default());
+                let means = Means { effort, camera, has_network: false, longest_side: 640, laser };
+                let candidates = means.candidates();
+                assert!(candidates.iter().all(|candidate| candidate.config.opinions.contains_key("laser")));
                 let all = all_opinions(&candidates).unwrap();
                 assert_eq!(all.check(), Ok(()));
                 for candidate in candidates {
@@ -196,7 +214,8 @@ mod tests {
     #[test]
     fn a_network_is_looked_through_where_there_is_one_and_time_for_it() {
         let looks_through = |effort, has_network| {
-            let means = Means { effort, camera: CameraKind::Equirectangular, has_network, longest_side: 640 };
+            let camera = CameraKind::Equirectangular;
+            let means = Means { effort, camera, has_network, longest_side: 640, laser: None };
             all_opinions(&means.candidates()).unwrap().opinions.contains_key("vector")
         };
         assert!(looks_through(Effort::Balanced, true) && looks_through(Effort::Best, true));
@@ -205,8 +224,8 @@ mod tests {
     #[test]
     fn all_are_always_asked_where_it_may_cost_most() {
         let always = |effort| {
-            let means =
-                Means { effort, camera: CameraKind::Perspective, has_network: true, longest_side: 640 };
+            let camera = CameraKind::Perspective;
+            let means = Means { effort, camera, has_network: true, longest_side: 640, laser: None };
             means.candidates().iter().all(|candidate| candidate.config.early_precision >= ALWAYS_ALL)
         };
         assert_eq!([Effort::Fast, Effort::Balanced, Effort::Best].map(always), [false, false, true]);

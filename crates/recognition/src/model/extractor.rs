@@ -2,8 +2,10 @@
 
 use crate::look::features::Features;
 use crate::look::flaw::Flaw;
+use crate::look::laser::LaserShape;
 use crate::look::lens::{Lens, Look};
 use crate::look::local::LocalFeatures;
+use crate::look::scan::{Frame, Scan};
 use crate::look::sight::{Seen, Sight};
 use crate::model::config::Config;
 use roomsight_vision::camera::{Camera, Spot, View};
@@ -44,6 +46,19 @@ pub struct Scratch {
 struct SectionsOf {
     histograms: FrameLbp,
     size: [usize; 2],
+}
+
+/// The scan of a laser that sees less than the one that a model was trained with.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "the scan covers {found:.0} degrees, and the model was trained on {expected:.0}, half of them to each side of ahead: \
+     send scans of the laser that it was trained with"
+)]
+pub struct ScanFieldError {
+    /// What the scan covers, in degrees.
+    pub found: f32,
+    /// What the model looks at.
+    pub expected: f32,
 }
 
 /// A frame at working size, and where it is valid.
@@ -130,6 +145,19 @@ impl Extractor {
         self.0.sights.iter().any(Sight::wants_colors)
     }
 
+    /// How it looks at the scans of lasers; not at all where there is none.
+    pub fn laser(&self) -> Option<&LaserShape> {
+        self.0.sights.iter().find_map(Sight::laser)
+    }
+
+    /// What hinders it from seeing the scan of a laser, if anything: it looks at more of the surroundings than was measured.
+    pub fn check_scan(&self, scan: &Scan) -> Result<(), ScanFieldError> {
+        match self.laser().filter(|shape| !shape.is_covered_by(scan)) {
+            Some(shape) => Err(ScanFieldError { found: scan.field_degrees(), expected: shape.field_degrees }),
+            None => Ok(()),
+        }
+    }
+
     /// Decodes a frame of unknown origin to what is looked at: in color only where a sight wants that, and no
     /// larger than it must be where it goes beyond `limits`, see [`Limits::enough_side`].
     pub fn decode(&self, bytes: &[u8], limits: &Limits) -> Result<Image, ImageError> {
@@ -140,8 +168,8 @@ impl Extractor {
 
     /// What all sights see of a frame. A `scratch` that served another extractor is emptied before, which costs
     /// time, not truth.
-    pub fn extract(&self, image: &Image, scratch: &mut Scratch) -> Features {
-        self.extract_also(None, None, image, scratch)
+    pub fn extract<'a>(&self, frame: impl Into<Frame<'a>>, scratch: &mut Scratch) -> Features {
+        self.extract_also(None, None, frame.into(), scratch)
     }
 
     /// What `sights` see of a frame, all if left out, some of which may have seen it `before`.
@@ -149,13 +177,13 @@ impl Extractor {
         &self,
         sights: Option<&Arc<Vec<Sight>>>,
         before: Option<Features>,
-        image: &Image,
+        frame: Frame,
         scratch: &mut Scratch,
     ) -> Features {
         if !scratch.owner.as_ref().is_some_and(|owner| Arc::ptr_eq(owner, &self.0)) {
             *scratch = Scratch { owner: Some(Arc::clone(&self.0)), ..Scratch::default() };
         }
-        self.0.extract(sights.unwrap_or(&self.0.sights), before, image, scratch)
+        self.0.extract(sights.unwrap_or(&self.0.sights), before, frame, scratch)
     }
 }
 
@@ -165,7 +193,7 @@ impl Parameters {
         &self,
         sights: &'s Arc<Vec<Sight>>,
         before: Option<Features>,
-        image: &Image,
+        Frame { image, scan }: Frame,
         scratch: &mut Scratch,
     ) -> Features {
         let shrunk = image.shrink_to(self.longest_side);
@@ -207,6 +235,7 @@ impl Parameters {
             Sight::Vector(lens) => Seen::Whole(looks.vector(lens)),
             Sight::Grid { lens, grid } => Seen::Local(looks.grid(lens, grid)),
             Sight::XFeat { lens, target } => Seen::Local(looks.xfeat(lens, *target)),
+            Sight::Laser(shape) => Seen::Whole(scan.map_or_else(Vec::new, |scan| shape.describe(scan))),
         };
         let flaw = before.as_ref().map_or_else(|| Flaw::of(frame, scaled.view), |before| before.flaw);
         let mut before: Vec<(Sight, Seen)> = before.map_or_else(Vec::new, Features::by_sight);

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `NAME/...` | those of the opinion of this name, as below |
 //! | `transitions.dwells`, `transitions.next` | f32, rooms, rooms x rooms; unlearned when left out |
+//! | `transitions.speed` | f32, one; where drives said where they went |
 //! | `held_out.labels`, `left_out.labels` | u32, frames: the rooms of held-out frames, and of frames whose room was left out |
 //! | `novelty.means`, `novelty.deviations`, `novelty.weights` | f64, signs of all opinions and of the pool; what tells new places |
 //! | `novelty.offset` | f64, one |
@@ -125,6 +126,8 @@ impl Model {
         arrays.extend(early_arrays(&self.early));
         arrays.push(Array::vector("transitions.dwells", self.transitions.dwells()));
         arrays.push(Array::matrix("transitions.next", self.transitions.next()));
+        let speed = self.transitions.learned_speed();
+        arrays.extend(speed.map(|speed| Array::vector("transitions.speed", &[speed])));
         if let Some(mask) = &self.camera().mask {
             arrays.push(Array::picture("camera.mask", mask.picture()));
         }
@@ -275,7 +278,12 @@ fn transitions(n_rooms: usize, file: &Arrays) -> Result<Transitions, FormatError
         return Ok(Transitions::unlearned(n_rooms));
     }
     let (dwells, next) = (file.vector("transitions.dwells")?, file.matrix("transitions.next")?);
-    Transitions::from_parts(n_rooms, dwells, next).map_err(|error| FormatError::Damaged(error.to_string()))
+    let speed = match file.has("transitions.speed") {
+        true => file.vector("transitions.speed")?.first().copied(),
+        false => None,
+    };
+    Transitions::from_parts(n_rooms, dwells, next, speed)
+        .map_err(|error| FormatError::Damaged(error.to_string()))
 }
 
 #[cfg(test)]

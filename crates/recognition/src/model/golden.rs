@@ -2,6 +2,7 @@
 //! Whoever loads it can tell that it still answers the same.
 
 use crate::file::disk::{LoadError, MAX_SIDE_FILE_BYTES, MODEL_FILE, read_bounded, refused, write_new};
+use crate::look::scan::{Frame, Scan};
 use crate::model::extractor::Scratch;
 use crate::model::{Model, Recognition};
 use roomsight_vision::image::Limits;
@@ -26,6 +27,8 @@ pub struct GoldenFrame {
     pub name: String,
     /// The encoded image.
     pub bytes: Vec<u8>,
+    /// What the laser measured beside it, if the model looks at that.
+    pub scan: Option<Scan>,
     /// The room answered.
     pub room: String,
     /// Its probability.
@@ -38,6 +41,8 @@ struct GoldenAnswer {
     #[serde(rename = "place")]
     room: String,
     probability: f32,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    scan: Option<Scan>,
 }
 
 /// The golden frames of a model folder; none when it has none.
@@ -56,7 +61,8 @@ pub(crate) fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, Load
         }
         let bytes = read_bounded(&folder.join(&answer.file), n_bytes_left)?;
         n_bytes_left -= bytes.len() as u64;
-        Ok(GoldenFrame { name: answer.file, bytes, room: answer.room, probability: answer.probability })
+        let GoldenAnswer { file: name, room, probability, scan } = answer;
+        Ok(GoldenFrame { name, bytes, scan, room, probability })
     };
     answers.into_iter().map(&mut load).collect()
 }
@@ -66,7 +72,7 @@ pub(crate) fn load_golden_frames(folder: &Path) -> Result<Vec<GoldenFrame>, Load
 pub(crate) fn warm(model: &Model, folder: &Path, golden_frames: &[GoldenFrame]) -> Result<(), LoadError> {
     if golden_frames.is_empty() {
         let path = folder.join(MODEL_FILE);
-        let answer = answer_of(model, &drawn_frame()).map_err(|reason| refused(&path, reason))?;
+        let answer = answer_of(model, &drawn_frame(), None).map_err(|reason| refused(&path, reason))?;
         let probability = answer.probability();
         let told = format!("a frame is answered with the probability {probability}");
         return if probability.is_finite() { Ok(()) } else { Err(refused(&path, told)) };
@@ -79,7 +85,7 @@ pub(crate) fn warm(model: &Model, folder: &Path, golden_frames: &[GoldenFrame]) 
 impl GoldenFrame {
     /// Whether the model answers it as when it was saved; what else it answers.
     fn check(&self, model: &Model) -> Result<(), String> {
-        let answer = answer_of(model, &self.bytes)?;
+        let answer = answer_of(model, &self.bytes, self.scan.as_ref())?;
         let room = &model.rooms()[answer.room_idx];
         let probability = answer.probability();
         // A probability that is no number is not close either.
@@ -95,9 +101,9 @@ impl GoldenFrame {
     }
 }
 
-fn answer_of(model: &Model, bytes: &[u8]) -> Result<Recognition, String> {
+fn answer_of(model: &Model, bytes: &[u8], scan: Option<&Scan>) -> Result<Recognition, String> {
     let image = model.decode(bytes, &Limits::default()).map_err(|error| error.to_string())?;
-    Ok(model.recognize(&image, &mut Scratch::default()))
+    Ok(model.recognize(Frame { image: &image, scan }, &mut Scratch::default()))
 }
 
 pub(crate) fn write_golden(folder: &Path, frames: &[GoldenFrame]) -> io::Result<()> {
@@ -109,6 +115,7 @@ pub(crate) fn write_golden(folder: &Path, frames: &[GoldenFrame]) -> io::Result<
         file: frame.name.clone(),
         room: frame.room.clone(),
         probability: frame.probability,
+        scan: frame.scan.clone(),
     };
     let answers: Vec<GoldenAnswer> = frames.iter().map(answer).collect();
     write_new(&folder.join(GOLDEN_FILE), &serde_json::to_vec_pretty(&answers)?)

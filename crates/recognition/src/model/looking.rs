@@ -1,10 +1,10 @@
 //! How a frame is answered: looked at step by step, until enough is seen.
 
 use crate::look::features::Features;
+use crate::look::scan::Frame;
 use crate::model::extractor::Scratch;
 use crate::model::{Model, Recognition};
 use crate::opinions::Said;
-use roomsight_vision::image::Image;
 use std::collections::BTreeMap;
 
 /// A frame on its way to an answer. [`Model::look`] and [`Model::answer`] take turns until there is one.
@@ -31,10 +31,10 @@ impl Model {
     }
 
     /// Which room a frame shows.
-    pub fn recognize(&self, image: &Image, scratch: &mut Scratch) -> Recognition {
-        let mut looking = Looking::default();
+    pub fn recognize<'a>(&self, frame: impl Into<Frame<'a>>, scratch: &mut Scratch) -> Recognition {
+        let (frame, mut looking) = (frame.into(), Looking::default());
         loop {
-            self.look(&mut looking, image, scratch);
+            self.look(&mut looking, frame, scratch);
             if let Some(recognition) = self.answer(&mut looking) {
                 return recognition;
             }
@@ -42,15 +42,20 @@ impl Model {
     }
 
     /// Looks at a frame as the opinions want that are asked next.
-    pub fn look(&self, looking: &mut Looking, image: &Image, scratch: &mut Scratch) {
+    pub fn look<'a>(&self, looking: &mut Looking, frame: impl Into<Frame<'a>>, scratch: &mut Scratch) {
         let before = looking.features.take();
         let sights = self.early.get(looking.n_asked).map(|early| &early.sights);
-        looking.features = Some(self.extractor.extract_also(sights, before, image, scratch));
+        looking.features = Some(self.extractor.extract_also(sights, before, frame.into(), scratch));
     }
 
     /// Detects and describes all that opinions look at, as far as it was not seen yet.
-    pub fn look_at_all(&self, looking: Looking, image: &Image, scratch: &mut Scratch) -> Features {
-        self.extractor.extract_also(None, looking.features, image, scratch)
+    pub fn look_at_all<'a>(
+        &self,
+        looking: Looking,
+        frame: impl Into<Frame<'a>>,
+        scratch: &mut Scratch,
+    ) -> Features {
+        self.extractor.extract_also(None, looking.features, frame.into(), scratch)
     }
 
     /// What these opinions answer, with those that were asked before; `None` where they are not sure, and there are others.
@@ -78,11 +83,11 @@ impl Model {
         let Some(early) = self.early.get(looking.n_asked) else {
             let said: Vec<Option<Said>> = (0..opinions.len()).map(say).collect();
             let seen: Vec<_> = features.seen.iter().collect();
-            return Some(self.classification.recognition(&self.config, &said, &seen, features.flaw));
+            return Some(self.classification.recognition(&self.config, &said, &seen, features.hidden()));
         };
         looking.n_asked += 1;
         let said: Vec<Option<Said>> = early.opinion_idxs.iter().map(|&idx| say(idx)).collect();
         let seen = features.through(&early.sights);
-        early.sure_answer(early.classification.recognition(&early.config, &said, &seen, features.flaw))
+        early.sure_answer(early.classification.recognition(&early.config, &said, &seen, features.hidden()))
     }
 }

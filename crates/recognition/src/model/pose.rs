@@ -1,6 +1,8 @@
 //! Where a frame was taken, told by where the frames were taken that are most like it.
 
+use crate::filter::Motion;
 use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
 
 /// Where a robot stood, in the coordinates that all drives of a model share.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,6 +24,15 @@ impl Pose {
     /// In meters.
     pub fn distance(&self, other: &Self) -> f64 {
         (self.x - other.x).hypot(self.y - other.y)
+    }
+}
+
+impl Motion {
+    /// From one pose to another, in the same coordinates. `None` where one is no number.
+    pub fn between(from: &Pose, to: &Pose) -> Option<Self> {
+        let turn = (to.angle - from.angle).rem_euclid(TAU);
+        let is_known = from.is_finite() && to.is_finite();
+        is_known.then(|| Self { meters: from.distance(to), radians: turn.min(TAU - turn) })
     }
 }
 

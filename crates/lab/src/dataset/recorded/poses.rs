@@ -1,6 +1,6 @@
 //! Where a robot was when, as a recording tells it.
 
-use super::{DatasetError, Taking, named, unusable};
+use super::{DatasetError, Taking, Wanted, unusable};
 use crate::dataset::Pose;
 use roomsight_recording::message::{Located, located};
 use roomsight_recording::{Kind, Recording};
@@ -44,29 +44,31 @@ impl PoseTrack {
         if taking.pose_topic.is_none() && taking.map.is_none() {
             return Ok(None);
         }
-        let topics = recording.topics();
-        let of_poses: Vec<usize> = (0..topics.len())
-            .filter(|&idx| topics[idx].kind().is_pose() && topics[idx].name != STATIC_TOPIC)
-            .collect();
-        let there = || named(topics, &of_poses);
-        let chosen = match (&taking.pose_topic, &of_poses[..]) {
-            (Some(name), of_poses) => {
-                of_poses.iter().copied().find(|&idx| topics[idx].name == *name).ok_or_else(|| {
-                    unusable(recording, format!("there is no topic of poses {name}; there are: {}", there()))
-                })?
-            }
-            (None, [only]) => *only,
-            (None, []) => {
-                return Err(unusable(recording, "no topic tells where the robot was, which a map needs"));
-            }
-            (None, _) => {
-                let why = format!(
-                    "several topics tell where the robot was: choose one with --pose-topic: {}",
-                    there()
-                );
-                return Err(unusable(recording, why));
-            }
+        let wanted = Wanted {
+            what: "poses of the robot, which a map needs",
+            option: "--pose-topic",
+            name: taking.pose_topic.as_deref(),
+            is_wanted: |topic| topic.kind().is_pose() && topic.name != STATIC_TOPIC,
         };
+        Self::of_topic(recording, wanted.topic_of(recording)?, taking).map(Some)
+    }
+
+    /// Where the robot was by its wheels; none where that is not wanted.
+    pub(super) fn of_odometry(recording: &Recording, taking: &Taking) -> Result<Option<Self>, DatasetError> {
+        if !taking.odometry {
+            return Ok(None);
+        }
+        let wanted = Wanted {
+            what: "odometry",
+            option: "--odometry-topic",
+            name: taking.odometry_topic.as_deref(),
+            is_wanted: |topic| topic.kind() == Kind::Odometry,
+        };
+        Self::of_topic(recording, wanted.topic_of(recording)?, taking).map(Some)
+    }
+
+    fn of_topic(recording: &Recording, chosen: usize, taking: &Taking) -> Result<Self, DatasetError> {
+        let topics = recording.topics();
         let fixed =
             topics.iter().position(|topic| topic.name == STATIC_TOPIC && topic.kind() == Kind::Transforms);
         let mut tree = TransformTree { base: taking.base_frame.clone(), ..TransformTree::default() };
@@ -100,7 +102,7 @@ impl PoseTrack {
             );
             return Err(unusable(recording, why));
         }
-        Ok(Some(track))
+        Ok(track)
     }
 
     /// The pose at a time, between those before and after it; none where they are too far apart.

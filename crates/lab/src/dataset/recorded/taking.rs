@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-/// Which pictures of recordings are taken, and what tells their rooms. Other formats have none of these.
+/// Which pictures of recordings are taken, and what tells their rooms; and what is taken beside pictures. Other formats have
+/// none of these but the last.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Taking {
     /// The topic of the pictures; the only one where none is given.
@@ -17,6 +18,14 @@ pub struct Taking {
     pub pose_topic: Option<String>,
     /// The name of the frame of coordinates that moves with the robot, in transforms.
     pub base_frame: Option<String>,
+    /// Whether the scans of the robot's laser are taken, also of COLD sequences.
+    pub laser: bool,
+    /// The topic of the scans; the only one where none is given.
+    pub scan_topic: Option<String>,
+    /// Whether it is taken how far the robot went by its odometry, also of COLD sequences.
+    pub odometry: bool,
+    /// The topic of the odometry; the only one where none is given.
+    pub odometry_topic: Option<String>,
     /// The clock that times are of.
     pub clock: Clock,
     /// From so many seconds after the first picture on.

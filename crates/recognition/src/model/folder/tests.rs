@@ -125,6 +125,7 @@ fn folders_are_written_whole_and_damage_is_named() {
     let folder = room.path().join("lab/1");
     let model = trained(&config()).model;
     let golden = GoldenFrame {
+        scan: None,
         name: "bars.png".to_owned(),
         bytes: vec![1, 2, 3],
         room: "bars".to_owned(),

@@ -15,7 +15,7 @@ fn the_file_holds_everything() {
     let camera = Camera { projection: Projection::Omnidirectional(mirror), mask: Some(mask) };
     let training = train(&samples(&config, 48, 1), &config, camera).unwrap();
     let card = Card { description: "three patterns".to_owned(), ..Card::default() };
-    let step = Step { from: 0, to: 2, seconds: 3.0 };
+    let step = Step { from: 0, to: 2, seconds: 3.0, meters: Some(1.5) };
     let transitions = Transitions::learn(3, [step]);
     let model = training.finish(card, transitions);
     let bytes = model.to_bytes().unwrap();
