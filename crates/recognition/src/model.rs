@@ -20,6 +20,8 @@ mod format;
 mod golden;
 mod held_out;
 mod known;
+#[cfg(test)]
+mod laser_tests;
 mod learned;
 mod left_out;
 mod looking;

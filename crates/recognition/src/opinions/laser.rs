@@ -23,7 +23,7 @@ pub struct LaserConfig {
 
 impl Default for LaserConfig {
     fn default() -> Self {
-        Self { shape: LaserShape::default(), c: 10.0 }
+        Self { shape: LaserShape::default(), c: 30.0 }
     }
 }
 
@@ -45,7 +45,7 @@ impl LaserConfig {
     }
 
     pub(crate) fn tries(&self) -> Vec<Tries> {
-        vec![Tries { parameter: "c", values: &["1", "10", "100"] }]
+        vec![Tries { parameter: "c", values: &["3", "30", "300"] }]
     }
 
     pub(crate) fn way(&self) -> Way {
