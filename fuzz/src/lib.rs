@@ -11,14 +11,15 @@ pub use service::{exchange, robots_key, service, start_service};
 use roomsight::repository::package;
 use roomsight::settings::Settings;
 use roomsight_lab::dataset::{self, Clock, Taking};
-use roomsight_protocol::header::Header;
+use roomsight_protocol::header::{Header, HeaderError};
 use roomsight_protocol::oip::request::Inference;
 use roomsight_protocol::oip::{IndexRequest, LoadRequest};
 use roomsight_protocol::rest::FrameJson;
+use roomsight_protocol::scan::LaserScan;
 use roomsight_protocol::stream::{ClientMessage, StreamQuery};
 use roomsight_recognition::filter::{Observation, RoomFilter, Step, Transitions, Trust};
 use roomsight_recognition::model::{
-    self, Config, Extractor, Model, NetworkStore, OpinionConfig, PatternsConfig, Scratch,
+    self, Config, Extractor, LaserShape, Model, NetworkStore, OpinionConfig, PatternsConfig, Scan, Scratch,
     features_from_bytes, features_to_bytes, try_model,
 };
 use roomsight_recording::Recording;
@@ -182,8 +183,17 @@ fn make_digest_right(folder: &Path) {
 /// A message of a stream: a frame's header, a text of a client, the URL's query as JSON, the times of frames.
 pub fn stream(bytes: &[u8]) {
     if let Ok(Some(header)) = Header::split(bytes) {
-        let image = &bytes[Header::BYTES..];
-        assert_eq!(Header::split(&header.join(image)), Ok(Some(header)));
+        let image = &bytes[header.n_bytes()..];
+        let back = Header::split(&header.join(image));
+        // As text, since odometry may be no number.
+        assert_eq!(format!("{back:?}"), format!("{:?}", Ok::<_, HeaderError>(Some(header))));
+        if let Ok(scan) = LaserScan::read(image) {
+            let LaserScan { angle_min, angle_increment, range_max, ranges } = scan;
+            let ranges = ranges.into_iter().map(|range| range.unwrap_or(f32::INFINITY)).collect();
+            if let Ok(scan) = Scan::new(angle_min, angle_increment, range_max, ranges) {
+                assert!(LaserShape::default().describe(&scan).iter().all(|number| number.is_finite()));
+            }
+        }
     }
     if let Ok(message) = serde_json::from_slice::<ClientMessage>(bytes) {
         let text = serde_json::to_string(&message).expect("a message can be written");

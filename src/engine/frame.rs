@@ -1,6 +1,9 @@
 //! An encoded frame, and the memory that it holds.
 
+use crate::problem::Problem;
 use bytes::Bytes;
+use roomsight_protocol::scan::LaserScan;
+use roomsight_recognition::model::Scan;
 use std::sync::Arc;
 
 /// What is told of a frame without a byte.
@@ -10,6 +13,8 @@ pub const EMPTY_FRAME: &str =
 /// The bytes of one frame, and their share of the memory for bodies.
 pub struct Frame {
     pub bytes: Bytes,
+    /// What the robot's laser measured beside it.
+    pub scan: Option<Scan>,
     /// They lie among others, which go only with them.
     is_part: bool,
     /// Gives the memory back when it is dropped.
@@ -19,7 +24,7 @@ pub struct Frame {
 impl Frame {
     /// Bytes whose memory is `held`.
     pub fn new(bytes: Bytes, held: impl Send + Sync + 'static) -> Self {
-        Self { bytes, is_part: false, held: Arc::new(held) }
+        Self { bytes, scan: None, is_part: false, held: Arc::new(held) }
     }
 
     /// Bytes that lie in a buffer with others, and whose memory is `held`.
@@ -29,13 +34,25 @@ impl Frame {
 
     /// Bytes that are a part of these, or were decoded from them: they share their memory.
     pub fn part(&self, bytes: Bytes) -> Self {
-        Self { bytes, is_part: true, held: self.held.clone() }
+        Self { bytes, scan: None, is_part: true, held: self.held.clone() }
     }
 
-    /// The same without its first bytes, which are few.
+    /// The same with what the robot's laser measured.
+    ///
+    /// # Errors
+    /// Numbers that no laser gives.
+    pub fn with_scan(self, scan: LaserScan) -> Result<Self, Problem> {
+        let LaserScan { angle_min, angle_increment, range_max, ranges } = scan;
+        let ranges = ranges.into_iter().map(|range| range.unwrap_or(f32::INFINITY)).collect();
+        let scan = Scan::new(angle_min, angle_increment, range_max, ranges);
+        let scan = scan.map_err(|error| Problem::query(error.to_string()))?;
+        Ok(Self { scan: Some(scan), ..self })
+    }
+
+    /// The image without the bytes before it, which are few.
     pub fn after(&self, n_bytes: usize) -> Self {
         let (bytes, held) = (self.bytes.slice(n_bytes..), self.held.clone());
-        Self { bytes, is_part: self.is_part, held }
+        Self { bytes, scan: None, is_part: self.is_part, held }
     }
 
     /// The bytes for one who keeps them when the frame is done with; copied only where they would keep others with them.

@@ -12,7 +12,7 @@ use crate::engine::told::{by_probability, unknown};
 use crate::problem::{Kind, Problem};
 use roomsight_protocol::training::PublishedVersion;
 use roomsight_recognition::model::{
-    Evidence, Looking, N_NEAREST, NearFrame, PoseEstimate, Recognition, Scratch,
+    self, Evidence, Looking, N_NEAREST, NearFrame, PoseEstimate, Recognition, ScanFieldError, Scratch,
 };
 use roomsight_vision::image::{Image, ImageError};
 use std::cell::Cell;
@@ -97,11 +97,14 @@ pub struct Reasons {
 }
 
 /// Why a frame got no answer.
-#[derive(Debug, thiserror::Error, PartialEq, Eq)]
+#[derive(Debug, thiserror::Error, PartialEq)]
 pub enum RecognizeError {
     /// The bytes are no image, or one beyond the limits.
     #[error(transparent)]
     Image(#[from] ImageError),
+    /// The scan beside the image is not of the laser that the model was trained with.
+    #[error(transparent)]
+    Scan(#[from] ScanFieldError),
     /// Looked at too late.
     #[error("the frame's deadline passed before it was looked at; allow more time or send fewer frames")]
     DeadlinePassed,
@@ -122,6 +125,7 @@ impl RecognizeError {
         match self {
             Self::Image(ImageError::TooLarge(_)) => Kind::TooLarge,
             Self::Image(_) => Kind::NotAnImage,
+            Self::Scan(_) => Kind::BadRequest,
             Self::DeadlinePassed => Kind::DeadlinePassed,
             Self::PushedOut(_) => Kind::QueueFull,
             Self::CallerLeft | Self::Panicked(_) => Kind::Internal,
@@ -232,7 +236,7 @@ impl Drop for End {
 /// Decodes a frame and sees what is in it, in this thread; `has_left` tells whether nobody waits any more.
 pub fn look(
     engine: &Engine,
-    frame: Frame,
+    mut frame: Frame,
     task: Task,
     has_left: &dyn Fn() -> bool,
 ) -> Result<Seen, RecognizeError> {
@@ -242,6 +246,10 @@ pub fn look(
     let decode = if with_colors { Image::decode_with_colors } else { Image::decode };
     let (image, decode_time) = timed(&debug_span!("decode"), || decode(&frame.bytes, &limits));
     let image = image?;
+    let scan = frame.scan.take();
+    if let Some(scan) = &scan {
+        task.served.model.extractor().check_scan(scan)?;
+    }
     if let Some(Shown { robot, number }) = &task.shown_for {
         engine.robots.keep(robot, *number, || frame.lasting());
     }
@@ -251,20 +259,22 @@ pub fn look(
     if has_left() {
         return Err(RecognizeError::CallerLeft);
     }
-    let mut seen = see(task.served, task.explain, &image);
+    let mut seen = see(task.served, task.explain, model::Frame { image: &image, scan: scan.as_ref() });
     seen.timings.decode = decode_time;
     seen.doubtable = doubtable;
     if let Some(permit) = engine.registry.permit_in_shadow(&seen.served) {
         let (seen, looking) = (seen.clone(), engine.clone());
-        engine.pool.queue_shadow(move || compare(&looking, permit, &image, &seen));
+        engine.pool.queue_shadow(move || {
+            compare(&looking, permit, model::Frame { image: &image, scan: scan.as_ref() }, &seen);
+        });
     }
     Ok(seen)
 }
 
 /// Lets a shadow see a frame that was recognized, and notes whether it agrees.
-fn compare(engine: &Engine, permit: ShadowPermit, image: &Image, seen: &Seen) {
+fn compare(engine: &Engine, permit: ShadowPermit, frame: model::Frame, seen: &Seen) {
     let shadow = permit.shadow().served.clone();
-    let other = see(shadow.clone(), false, image);
+    let other = see(shadow.clone(), false, frame);
     let (rooms, other_rooms) = (seen.served.model.rooms(), shadow.model.rooms());
     let agrees = seen.room() == other.room();
     permit.compared(agrees, distance((rooms, &seen.recognition), (other_rooms, &other.recognition)));
@@ -274,12 +284,12 @@ fn compare(engine: &Engine, permit: ShadowPermit, image: &Image, seen: &Seen) {
     }
 }
 
-fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
+fn see(served: Arc<ServedModel>, explain: bool, frame: model::Frame) -> Seen {
     let model = &served.model;
     let mut looking = Looking::default();
     let (mut features, mut classify) = (Duration::ZERO, Duration::ZERO);
     let recognition = loop {
-        let look = || with_scratch(&served, |scratch| model.look(&mut looking, image, scratch));
+        let look = || with_scratch(&served, |scratch| model.look(&mut looking, frame, scratch));
         features += timed(&debug_span!("features"), look).1;
         let (answer, time) = timed(&debug_span!("classify"), || model.answer(&mut looking));
         classify += time;
@@ -288,7 +298,7 @@ fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
         }
     };
     let why = explain.then(|| {
-        let features = with_scratch(&served, |scratch| model.look_at_all(looking, image, scratch));
+        let features = with_scratch(&served, |scratch| model.look_at_all(looking, frame, scratch));
         Reasons {
             evidence: model.explain(&features, recognition.room_idx),
             nearest: model.nearest(&features, N_NEAREST),
@@ -296,7 +306,7 @@ fn see(served: Arc<ServedModel>, explain: bool, image: &Image) -> Seen {
         }
     });
     let timings = Timings { features, classify, ..Timings::default() };
-    let damaged_rows = image.damaged_rows();
+    let damaged_rows = frame.image.damaged_rows();
     Seen { recognition, why, damaged_rows, timings, served, doubtable: None }
 }
 

@@ -27,6 +27,7 @@ use media_type::{MediaType, content_type};
 use roomsight_protocol::base64_text;
 use roomsight_protocol::object::Object;
 use roomsight_protocol::rest::FrameJson;
+use roomsight_protocol::scan::LaserScan;
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
@@ -36,6 +37,8 @@ use tokio::time::{sleep, timeout};
 
 /// Bytes of a form or of JSON beside the frame, or of JSON without one.
 const ENVELOPE_BYTES: usize = 16 << 10;
+/// Bytes of JSON with as many ranges as a scan may have.
+const SCAN_BYTES: usize = 256 << 10;
 /// Bytes of JSON that names frames: as many as one change moves.
 const LIST_BYTES: usize = 4 << 20;
 /// The most that is allocated because a caller said how long a body will be.
@@ -46,6 +49,8 @@ const MAX_BYTES_AT_ONCE: usize = 1 << 20;
 const REFUSAL_PAUSE: Duration = Duration::from_millis(100);
 /// The field of a form that holds a frame.
 const FIELD: &str = "frame";
+/// The field of a form that holds the scan of a laser, as JSON.
+const SCAN_FIELD: &str = "scan";
 
 /// The one frame of a request: the image itself, a form, or JSON.
 pub struct OneFrame(pub Frame);
@@ -73,7 +78,8 @@ impl FromRequest<App> for NamedFrames {
         match MediaType::told(request.headers(), TYPES)? {
             MediaType::Form => {
                 let (request, body) = read(app, request, settings.max_batch_bytes).await?;
-                let frames = form_frames(app, request, body, settings.max_batch_frames + 1).await?;
+                let frames =
+                    form_fields(app, request, body, settings.max_batch_frames + 1).await?.without_scan()?;
                 match frames.len() {
                     0 => Err(BodyError::Empty.into()),
                     n if n > settings.max_batch_frames => {
@@ -103,15 +109,15 @@ impl FromRequest<App> for OneFrame {
         let max_bytes = app.engine.settings.max_frame_bytes;
         let limit = match told {
             MediaType::Image | MediaType::Untold => max_bytes,
-            MediaType::Form => max_bytes + ENVELOPE_BYTES,
-            MediaType::Json => base64_text::longest(max_bytes) + ENVELOPE_BYTES,
+            MediaType::Form => max_bytes + ENVELOPE_BYTES + SCAN_BYTES,
+            MediaType::Json => base64_text::longest(max_bytes) + ENVELOPE_BYTES + SCAN_BYTES,
         };
         let (request, body) = read(app, request, limit).await?;
         let frame = if told == MediaType::Form {
-            only(form_frames(app, request, body, 2).await?)?.frame
+            only_frame(form_fields(app, request, body, 2).await?)?
         } else if told.judged(&body.bytes)? == MediaType::Json {
             let n_bytes = body.bytes.len();
-            let read = move || Ok::<_, BodyError>(body.part(json_frame(&body.bytes)?));
+            let read = move || json_frame(&body);
             take_apart(app, &caller_of(request.extensions()), n_bytes, read).await??
         } else {
             body
@@ -134,7 +140,7 @@ impl FromRequest<App> for Frames {
         }
         let max_frames = app.engine.settings.max_batch_frames;
         let (request, body) = read(app, request, app.engine.settings.max_batch_bytes).await?;
-        let frames = form_frames(app, request, body, max_frames + 1).await?;
+        let frames = form_fields(app, request, body, max_frames + 1).await?.without_scan()?;
         match frames.len() {
             0 => Err(BodyError::Empty.into()),
             n if n > max_frames => Err(BodyError::TooManyFrames(max_frames).into()),
@@ -254,59 +260,91 @@ pub async fn take_apart<T: Send + 'static>(
     Ok(app.engine.pool.run(slot, |_| work()).await.map_err(RecognizeError::from)?)
 }
 
-/// The frames of a form in the order sent, at most `max_frames` of them.
-async fn form_frames(
-    app: &App,
-    request: Request,
-    body: Frame,
-    max_frames: usize,
-) -> Result<Vec<NamedFrame>, Problem> {
+/// What a form holds.
+struct Fields {
+    /// In the order sent.
+    frames: Vec<NamedFrame>,
+    scan: Option<LaserScan>,
+}
+
+impl Fields {
+    /// The frames of one that may not hold a scan, since it would not be known beside which frame.
+    fn without_scan(self) -> Result<Vec<NamedFrame>, BodyError> {
+        match self.scan {
+            None => Ok(self.frames),
+            Some(_) => Err(BodyError::Malformed(
+                "the form has a field `scan`, which goes beside a single frame to /v1/recognize".into(),
+            )),
+        }
+    }
+}
+
+/// What a form holds, at most `max_frames` frames of it.
+async fn form_fields(app: &App, request: Request, body: Frame, max_frames: usize) -> Result<Fields, Problem> {
     let caller = caller_of(request.extensions());
     let n_bytes = body.bytes.len();
-    let frames = fields(request, body, max_frames);
+    let fields = fields(request, body, max_frames);
     if n_bytes <= MAX_BYTES_AT_ONCE {
-        return Ok(frames.await?);
+        return Ok(fields.await?);
     }
     // All of it is here already, so that the thread is never idle.
     let runtime = Handle::current();
-    Ok(take_apart(app, &caller, n_bytes, move || runtime.block_on(frames)).await??)
+    Ok(take_apart(app, &caller, n_bytes, move || runtime.block_on(fields)).await??)
 }
 
-async fn fields(request: Request, body: Frame, max_frames: usize) -> Result<Vec<NamedFrame>, BodyError> {
+async fn fields(request: Request, body: Frame, max_frames: usize) -> Result<Fields, BodyError> {
     let malformed = |error: String| BodyError::Malformed(format!("the form cannot be read: {error}"));
     let request = request.map(|_| Body::from(body.bytes.clone()));
     let mut form =
         Multipart::from_request(request, &()).await.map_err(|error| malformed(error.body_text()))?;
-    let mut frames = Vec::new();
+    let (mut frames, mut scan) = (Vec::new(), None);
     while frames.len() < max_frames
         && let Some(field) = form.next_field().await.map_err(|error| malformed(error.body_text()))?
     {
+        if field.name() == Some(SCAN_FIELD) {
+            let bytes = field.bytes().await.map_err(|error| malformed(error.body_text()))?;
+            scan = Some(from_json(&bytes)?);
+            continue;
+        }
         if field.name() != Some(FIELD) {
             let name = field.name().unwrap_or_default();
-            return Err(malformed(format!("it has a field {name:?}; the field of a frame is `frame`")));
+            return Err(malformed(format!(
+                "it has a field {name:?}; the field of a frame is `frame`, that of a laser's scan `scan`"
+            )));
         }
         let name = field.file_name().unwrap_or_default().to_owned();
         let bytes = field.bytes().await.map_err(|error| malformed(error.body_text()))?;
         frames.push(NamedFrame { name, frame: body.part(bytes) });
     }
-    Ok(frames)
+    Ok(Fields { frames, scan })
 }
 
-fn only(mut frames: Vec<NamedFrame>) -> Result<NamedFrame, BodyError> {
+/// The frame of a form that holds one.
+fn only_frame(Fields { mut frames, scan }: Fields) -> Result<Frame, Problem> {
+    let several = "the form has several frames; send them to /v1/recognize/batch";
     match (frames.pop(), frames.is_empty()) {
-        (None, _) => Err(BodyError::Malformed("the form has no field `frame`".into())),
-        (Some(frame), true) => Ok(frame),
-        (Some(_), false) => {
-            Err(BodyError::Malformed("the form has several frames; send them to /v1/recognize/batch".into()))
-        }
+        (None, _) => Err(BodyError::Malformed("the form has no field `frame`".into()).into()),
+        (Some(NamedFrame { frame, .. }), true) => beside(frame, scan),
+        (Some(_), false) => Err(BodyError::Malformed(several.into()).into()),
     }
 }
 
-fn json_frame(body: &[u8]) -> Result<Bytes, BodyError> {
-    let Object::<FrameJson>(json) = from_json(body)?;
+/// A frame with the scan that lies beside it.
+fn beside(frame: Frame, scan: Option<LaserScan>) -> Result<Frame, Problem> {
+    match scan {
+        Some(scan) => frame.with_scan(scan),
+        None => Ok(frame),
+    }
+}
+
+fn json_frame(body: &Frame) -> Result<Frame, Problem> {
+    let Object::<FrameJson>(json) = from_json(&body.bytes)?;
     let bytes = base64_text::decode(&json.frame)
         .map_err(|error| BodyError::Malformed(format!("`frame` is not base64: {error}")))?;
-    if bytes.is_empty() { Err(BodyError::Empty) } else { Ok(bytes.into()) }
+    if bytes.is_empty() {
+        return Err(BodyError::Empty.into());
+    }
+    beside(body.part(bytes.into()), json.scan)
 }
 
 fn from_json<'a, T: Deserialize<'a>>(body: &'a [u8]) -> Result<T, BodyError> {

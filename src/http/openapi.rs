@@ -6,6 +6,7 @@ use crate::problem::Kind;
 use axum::http::header::RETRY_AFTER;
 use roomsight_protocol::oip::ErrorBody;
 use roomsight_protocol::rest::ProblemBody;
+use roomsight_protocol::scan::LaserScan;
 use std::collections::BTreeMap;
 use std::iter;
 use utoipa::openapi::security::{
@@ -73,6 +74,8 @@ pub struct ImageBytes(Vec<u8>);
 pub struct FrameForm {
     /// The image.
     frame: ImageBytes,
+    /// What the robot's laser measured beside it, as JSON, for models that look at that.
+    scan: Option<LaserScan>,
 }
 
 /// Several frames as a form.

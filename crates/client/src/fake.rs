@@ -78,7 +78,7 @@ impl Connection {
         loop {
             if let Message::Binary(message) = self.socket.next().await?.ok()? {
                 let header = Header::split(&message).unwrap();
-                let start = if header.is_some() { Header::BYTES } else { 0 };
+                let start = header.map_or(0, |header| header.n_bytes());
                 return Some((header, message[start..].to_vec()));
             }
         }

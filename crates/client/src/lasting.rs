@@ -2,7 +2,7 @@
 
 use super::stream::{Stream, answered_seq};
 use super::{Client, ClientError};
-use roomsight_protocol::header::Header;
+use roomsight_protocol::header::Beside;
 use roomsight_protocol::stream::{Configure, DropReason, Hello, ServerMessage};
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -87,14 +87,22 @@ impl LastingStream {
     /// # Errors
     /// The service cannot be reached for too long, or refuses the stream.
     pub async fn send(&mut self, frame: &[u8], captured_at_ns: Option<u64>) -> Result<u64, ClientError> {
+        self.send_with(Beside { captured_at_ns, ..Beside::default() }, frame).await
+    }
+
+    /// The same with what else the robot sensed.
+    ///
+    /// # Errors
+    /// The service cannot be reached for too long, or refuses the stream.
+    pub async fn send_with(&mut self, beside: Beside<'_>, frame: &[u8]) -> Result<u64, ClientError> {
         loop {
             self.arrive().await?;
-            let header = Header { seq: self.next_seq, captured_at_ns };
+            let seq = self.next_seq;
             // It may have been sent even where that failed.
-            self.unanswered.push_back(header.seq);
+            self.unanswered.push_back(seq);
             self.next_seq += 1;
-            match self.stream.send_with(header, frame).await {
-                Ok(()) => return Ok(header.seq),
+            match self.stream.send_with(seq, beside, frame).await {
+                Ok(()) => return Ok(seq),
                 Err(error) => {
                     // This frame goes out again, under another number: nobody is to hear of this one.
                     self.unanswered.pop_back();

@@ -31,8 +31,10 @@ pub use stream::{ResumePoint, Stream, StreamReceiver, StreamSender};
 pub use tls::install_provider;
 
 use reqwest::header::{AUTHORIZATION, CONTENT_TYPE, HeaderMap, HeaderValue, RETRY_AFTER};
+use reqwest::multipart::{Form, Part};
 use reqwest::{ClientBuilder, Response, StatusCode, Url};
 use roomsight_protocol::rest::{Answer, ProblemBody, RecognizeQuery};
+use roomsight_protocol::scan::LaserScan;
 use roomsight_protocol::stream::Configure;
 use rustls::ClientConfig;
 use serde::de::DeserializeOwned;
@@ -148,6 +150,20 @@ impl Client {
     pub async fn recognize(&self, frame: Vec<u8>, query: &RecognizeQuery) -> Result<Answer, ClientError> {
         let call = self.http.post(self.endpoint("v1/recognize")).query(query).body(frame);
         read(call.header(CONTENT_TYPE, "application/octet-stream").send().await?).await
+    }
+
+    /// The same with what the robot's laser measured beside it, for models that look at that.
+    ///
+    /// # Errors
+    /// A service that cannot be reached, or refuses the frame or the scan.
+    pub async fn recognize_with_scan(
+        &self,
+        frame: Vec<u8>,
+        scan: &LaserScan,
+        query: &RecognizeQuery,
+    ) -> Result<Answer, ClientError> {
+        let form = Form::new().part("frame", Part::bytes(frame)).text("scan", serde_json::to_string(scan)?);
+        read(self.http.post(self.endpoint("v1/recognize")).query(query).multipart(form).send().await?).await
     }
 
     /// Whether the service answers frames.

@@ -5,7 +5,7 @@ use super::{Client, ClientError, PATIENCE, refused, retry_after};
 use futures_util::stream::{SplitSink, SplitStream};
 use futures_util::{SinkExt, StreamExt};
 use reqwest::header::{AUTHORIZATION, SEC_WEBSOCKET_PROTOCOL};
-use roomsight_protocol::header::Header;
+use roomsight_protocol::header::Beside;
 use roomsight_protocol::stream::{
     ClientMessage, Configure, FilterChoice, Hello, SUBPROTOCOL, ServerMessage, StreamQuery,
 };
@@ -113,9 +113,9 @@ impl Stream {
         self.sender.send(frame).await
     }
 
-    /// Sends an encoded image with its number, and the time at which it was taken.
-    pub async fn send_with(&mut self, header: Header, frame: &[u8]) -> Result<(), ClientError> {
-        self.sender.send_with(header, frame).await
+    /// Sends an encoded image with its number, the time at which it was taken, and what else was sensed then.
+    pub async fn send_with(&mut self, seq: u64, beside: Beside<'_>, frame: &[u8]) -> Result<(), ClientError> {
+        self.sender.send_with(seq, beside, frame).await
     }
 
     /// Changes the stream; what is left out stays. The service answers with `configured`.
@@ -205,10 +205,10 @@ impl StreamSender {
         Ok(())
     }
 
-    /// Sends an encoded image with its number, and the time at which it was taken.
-    pub async fn send_with(&mut self, header: Header, frame: &[u8]) -> Result<(), ClientError> {
-        self.socket.send(Message::binary(header.join(frame))).await.map_err(broken)?;
-        self.next.sent_before(header.seq.saturating_add(1));
+    /// Sends an encoded image with its number, the time at which it was taken, and what else was sensed then.
+    pub async fn send_with(&mut self, seq: u64, beside: Beside<'_>, frame: &[u8]) -> Result<(), ClientError> {
+        self.socket.send(Message::binary(beside.message(seq, frame))).await.map_err(broken)?;
+        self.next.sent_before(seq.saturating_add(1));
         Ok(())
     }
 
@@ -360,7 +360,8 @@ mod tests {
         assert_eq!(stream.resume_point(), begun);
         stream.send(vec![0; 3]).await.unwrap();
         assert_eq!(stream.receive().await.unwrap(), dropped(3));
-        stream.send_with(Header { seq: 7, captured_at_ns: Some(1) }, b"image").await.unwrap();
+        let beside = Beside { captured_at_ns: Some(1), ..Beside::default() };
+        stream.send_with(7, beside, b"image").await.unwrap();
         assert_eq!(stream.receive().await.unwrap(), dropped(7));
         assert_eq!(stream.resume_point(), ResumePoint { last_seq: Some(7), sent_seq: Some(7), ..begun });
     }

@@ -5,6 +5,7 @@
 //! | [`rest`] | the JSON of the calls |
 //! | [`stream`] | the messages of a stream, `roomsight.v1` over a WebSocket |
 //! | [`header`] | the optional header of a streamed frame |
+//! | [`scan`] | what a laser measured beside a frame |
 //! | [`sets`] | data sets that the service keeps |
 //! | [`inbox`] | frames that the model doubted, and what people say of them |
 //! | [`training`] | trainings that the service runs |
@@ -28,6 +29,7 @@ pub mod map;
 pub mod object;
 pub mod oip;
 pub mod rest;
+pub mod scan;
 pub mod service;
 pub mod sets;
 pub mod stream;

@@ -1,5 +1,6 @@
 //! What travels over REST, as JSON.
 
+use crate::scan::LaserScan;
 use crate::version_id::version_number;
 use serde::de::Error;
 use serde::{Deserialize, Deserializer, Serialize};
@@ -55,6 +56,9 @@ pub struct FrameJson<'a> {
     #[serde(borrow)]
     #[cfg_attr(feature = "schema", schema(min_length = 2))]
     pub frame: Cow<'a, str>,
+    /// What the robot's laser measured beside it, for models that look at that.
+    #[serde(default)]
+    pub scan: Option<LaserScan>,
 }
 
 /// Which room a frame shows.

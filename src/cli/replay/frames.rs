@@ -2,6 +2,8 @@
 
 use super::schedule::Schedule;
 use roomsight_lab::dataset::{Frame, Problem};
+use roomsight_protocol::scan::LaserScan;
+use roomsight_recognition::model::Scan;
 use roomsight_vision::image::Limits;
 use std::sync::Arc;
 use std::time::Duration;
@@ -16,8 +18,17 @@ const N_AHEAD: usize = 4;
 /// A data set's frames.
 pub struct Frames {
     frames: Vec<Frame>,
-    /// The encoded images, as far as they are kept.
-    kept: Vec<Arc<[u8]>>,
+    /// What is sent, as far as it is kept.
+    kept: Vec<Loaded>,
+}
+
+/// A frame as it is sent.
+#[derive(Clone)]
+pub struct Loaded {
+    /// The encoded image.
+    pub image: Arc<[u8]>,
+    /// What the laser measured beside it.
+    pub scan: Option<Arc<LaserScan>>,
 }
 
 /// A frame that waits for its time.
@@ -26,8 +37,8 @@ pub struct Ready {
     pub frame_idx: usize,
     /// When it is due, counted from the robot's start.
     pub at: Duration,
-    /// The encoded image, or why it cannot be read.
-    pub image: Result<Arc<[u8]>, Problem>,
+    /// What is sent, or why it cannot be read.
+    pub loaded: Result<Loaded, Problem>,
 }
 
 impl Frames {
@@ -37,8 +48,8 @@ impl Frames {
         let kept = frames
             .iter()
             .map_while(|frame| read(frame).ok())
-            .take_while(|image| {
-                n_bytes += image.len();
+            .take_while(|Loaded { image, scan }| {
+                n_bytes += image.len() + scan.as_ref().map_or(0, |scan| scan.n_bytes());
                 n_bytes <= MAX_KEPT_BYTES
             })
             .collect();
@@ -55,8 +66,8 @@ impl Frames {
         let (sender, receiver) = mpsc::channel(N_AHEAD);
         tokio::spawn(async move {
             for due in schedule {
-                let ready =
-                    Ready { frame_idx: due.frame_idx, at: due.at, image: self.image(due.frame_idx).await };
+                let loaded = self.loaded(due.frame_idx).await;
+                let ready = Ready { frame_idx: due.frame_idx, at: due.at, loaded };
                 // The robot has stopped.
                 if sender.send(ready).await.is_err() {
                     break;
@@ -66,9 +77,9 @@ impl Frames {
         receiver
     }
 
-    async fn image(&self, frame_idx: usize) -> Result<Arc<[u8]>, Problem> {
-        if let Some(image) = self.kept.get(frame_idx) {
-            return Ok(image.clone());
+    async fn loaded(&self, frame_idx: usize) -> Result<Loaded, Problem> {
+        if let Some(loaded) = self.kept.get(frame_idx) {
+            return Ok(loaded.clone());
         }
         let frame = self.frames[frame_idx].clone();
         let path = frame.path.clone();
@@ -77,6 +88,19 @@ impl Frames {
     }
 }
 
-fn read(frame: &Frame) -> Result<Arc<[u8]>, Problem> {
-    frame.read_encoded(&Limits::default()).map(Arc::from)
+fn read(frame: &Frame) -> Result<Loaded, Problem> {
+    let image = frame.read_encoded(&Limits::default())?.into();
+    let scan = frame.read_scan()?.map(|scan| Arc::new(told(&scan)));
+    Ok(Loaded { image, scan })
+}
+
+/// A scan as it is sent.
+fn told(scan: &Scan) -> LaserScan {
+    let ranges = scan.ranges().iter().map(|range| Some(*range).filter(|range| range.is_finite()));
+    LaserScan {
+        angle_min: scan.start(),
+        angle_increment: scan.step(),
+        range_max: scan.max_range(),
+        ranges: ranges.collect(),
+    }
 }

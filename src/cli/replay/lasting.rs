@@ -40,7 +40,7 @@ async fn play(
             shot = due.recv(), if has_more && pending.len() <= most_pending => match shot {
                 Some(shot) => {
                     let sent = drive.send(is_followed, &shot);
-                    let seq = stream.send(&shot.image, drive.captured_at_ns(shot.at)).await?;
+                    let seq = stream.send_with(drive.beside(&shot), &shot.loaded.image).await?;
                     pending.add(seq, sent);
                 }
                 None => has_more = false,

@@ -1,11 +1,12 @@
 //! One robot: its frames go out at their times, whatever the answers do.
 
-use super::frames::{Frames, Ready};
+use super::frames::{Frames, Loaded, Ready};
 use super::tally::{Tally, Told};
 use roomsight_client::{Client, ClientError, Stream};
-use roomsight_protocol::header::Header;
+use roomsight_protocol::header::{Beside, Odometry};
 use roomsight_protocol::rest::{Answer, ProblemBody, RecognizeQuery};
 use roomsight_protocol::stream::{Filtered, Hello, Mode, ServerMessage};
+use roomsight_recognition::model::Pose;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
@@ -51,8 +52,8 @@ pub struct Shot {
     frame_idx: usize,
     /// When it was due, counted from the start.
     pub at: Duration,
-    /// As it is encoded.
-    pub image: Arc<[u8]>,
+    /// What is sent.
+    pub loaded: Loaded,
 }
 
 /// What an answer is held against.
@@ -86,8 +87,18 @@ impl Drive {
         }
     }
 
+    /// What is sent beside an image: the time at which it was due, and what else was sensed.
+    pub fn beside<'a>(&self, shot: &'a Shot) -> Beside<'a> {
+        let odometry = self.frames.get(shot.frame_idx).odometry;
+        Beside {
+            captured_at_ns: self.captured_at_ns(shot.at),
+            odometry: odometry.map(|Pose { x, y, angle }| Odometry { x, y, heading: angle }),
+            scan: shot.loaded.scan.as_deref(),
+        }
+    }
+
     /// The time at which a frame was due, in nanoseconds since 1970.
-    pub fn captured_at_ns(&self, at: Duration) -> Option<u64> {
+    fn captured_at_ns(&self, at: Duration) -> Option<u64> {
         let since_1970 = self.start.1.duration_since(SystemTime::UNIX_EPOCH).ok()? + at;
         since_1970.as_nanos().try_into().ok()
     }
@@ -111,8 +122,8 @@ impl Feed {
                     _ = self.stopped.wait_for(|&stopped| stopped) => return None,
                 }
             }
-            match ready.image {
-                Ok(image) => return Some(Shot { frame_idx: ready.frame_idx, at, image }),
+            match ready.loaded {
+                Ok(loaded) => return Some(Shot { frame_idx: ready.frame_idx, at, loaded }),
                 Err(_) => drive.tally().err("unreadable file".to_owned()),
             }
         }
@@ -133,9 +144,9 @@ pub async fn stream(drive: Arc<Drive>, mut feed: Feed, stream: Stream) {
         while pending.at_most(most_pending).await
             && let Some(shot) = feed.next(&drive).await
         {
-            let header = Header { seq, captured_at_ns: drive.captured_at_ns(shot.at) };
             pending.add(seq, drive.send(feed.is_followed, &shot));
-            match timeout(PATIENCE, sender.send_with(header, &shot.image)).await {
+            let sending = sender.send_with(seq, drive.beside(&shot), &shot.loaded.image);
+            match timeout(PATIENCE, sending).await {
                 Ok(Ok(())) => seq += 1,
                 // The receiving half learns why.
                 Ok(Err(_)) => break,
@@ -173,7 +184,12 @@ pub async fn post(drive: Arc<Drive>, mut feed: Feed, client: Client, connections
         let query = RecognizeQuery { robot, model, ..RecognizeQuery::default() };
         let (drive, client) = (drive.clone(), client.clone());
         calls.spawn(async move {
-            match client.recognize(shot.image.to_vec(), &query).await {
+            let Loaded { image, scan } = shot.loaded;
+            let answer = match scan {
+                Some(scan) => client.recognize_with_scan(image.to_vec(), &scan, &query).await,
+                None => client.recognize(image.to_vec(), &query).await,
+            };
+            match answer {
                 Ok(answer) => drive.told(sent, &answer, None, None),
                 Err(error) => drive.tally().fail(kind(&error)),
             }

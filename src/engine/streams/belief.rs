@@ -3,6 +3,7 @@
 use super::moment::{Moment, SealedMoment};
 use roomsight_protocol::stream::FilterSettings;
 use roomsight_recognition::filter::{RoomFilter, Trust};
+use roomsight_recognition::model::Pose;
 use serde::{Deserialize, Serialize};
 
 /// A filter, and the frame it last took in.
@@ -10,6 +11,8 @@ pub struct Belief {
     pub filter: RoomFilter,
     pub settings: FilterSettings,
     pub at: Moment,
+    /// Where the robot was then, by its wheels.
+    pub odometry: Option<Pose>,
 }
 
 /// The same as another process understands it.
@@ -19,6 +22,8 @@ pub struct SealedBelief {
     elsewhere: Option<f32>,
     settings: FilterSettings,
     at: SealedMoment,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    odometry: Option<Pose>,
 }
 
 impl Belief {
@@ -29,6 +34,7 @@ impl Belief {
             elsewhere: self.filter.novelty(),
             settings: self.settings,
             at: self.at.sealed(),
+            odometry: self.odometry,
         }
     }
 }
@@ -36,11 +42,11 @@ impl Belief {
 impl SealedBelief {
     /// Of another process; none where it is not of so many rooms.
     pub fn opened(self, n_rooms: usize) -> Option<Belief> {
-        let Self { rooms, elsewhere, settings, at } = self;
+        let Self { rooms, elsewhere, settings, at, odometry } = self;
         let trust = Trust::try_from(settings.trust).ok()?;
         let filter = RoomFilter::restored(rooms, elsewhere, trust)?;
         let is_of_rooms = filter.belief().len() == n_rooms;
-        is_of_rooms.then(|| Belief { filter, settings, at: Moment::opened(at) })
+        is_of_rooms.then(|| Belief { filter, settings, at: Moment::opened(at), odometry })
     }
 }
 
@@ -58,9 +64,12 @@ mod tests {
             let rooms: Vec<f32> = weights.iter().map(|weight| weight / sum).collect();
             let filter = RoomFilter::restored(rooms.clone(), elsewhere, Trust::default()).unwrap();
             let at = Moment::opened(serde_json::from_str(r#"{"captured_at_ns":9,"arrived_ms":1}"#).unwrap());
-            let sealed = Belief { filter: filter.clone(), settings: FilterSettings::default(), at }.sealed();
+            let odometry = Some(Pose { x: 1.5, y: -2.0, angle: 0.1 });
+            let settings = FilterSettings::default();
+            let sealed = Belief { filter: filter.clone(), settings, at, odometry }.sealed();
             let back: SealedBelief = serde_json::from_slice(&serde_json::to_vec(&sealed).unwrap()).unwrap();
-            prop_assert_eq!(back.clone().opened(rooms.len()).unwrap().filter, filter);
+            let opened = back.clone().opened(rooms.len()).unwrap();
+            prop_assert_eq!((opened.filter, opened.odometry), (filter, odometry));
             prop_assert!(back.opened(rooms.len() + 1).is_none());
         }
     }

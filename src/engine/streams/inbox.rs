@@ -193,7 +193,7 @@ impl Inbox {
                     Content::Text(Text::default())
                 } else {
                     let hold = self.hold(most, lossless);
-                    Content::Frame { head: Vec::with_capacity(Header::BYTES), n_bytes: 0, hold }
+                    Content::Frame { head: Vec::with_capacity(Header::MAX_BYTES), n_bytes: 0, hold }
                 };
                 let due = Instant::now() + self.message_timeout;
                 self.message = Some(Underway { content, due, waits_since: None });
@@ -265,7 +265,7 @@ impl Content {
         match self {
             Self::Text(text) => return text.push(&bytes),
             Self::Frame { head, n_bytes, hold } => {
-                let n_missing = (Header::BYTES - head.len()).min(bytes.len());
+                let n_missing = (Header::MAX_BYTES - head.len()).min(bytes.len());
                 head.extend_from_slice(&bytes[..n_missing]);
                 *n_bytes += bytes.len();
                 match hold {
@@ -384,7 +384,7 @@ mod tests {
             assert!(line.inbox.heard() >= before, "they are a sign of life");
             line.theirs.write_all(&[5; 30_000]).await.unwrap();
             let Incoming::Frame(received) = line.receive(lossless).await else { panic!("no frame") };
-            assert_eq!((received.n_bytes, received.head), (90_000, vec![5; Header::BYTES]));
+            assert_eq!((received.n_bytes, received.head), (90_000, vec![5; Header::MAX_BYTES]));
             assert_eq!(received.message.and_then(Whole::take).unwrap().bytes, vec![5; 90_000]);
             assert_eq!(received.share.is_some(), lossless);
             assert_eq!(line.memory.available_permits(), 4 * MAX_BYTES);
@@ -397,7 +397,7 @@ mod tests {
         let all = line.memory.clone().try_acquire_many_owned(4 * MAX_BYTES as u32).unwrap();
         line.send(0x82, 50_000, &[5; 50_000]).await;
         let Incoming::Frame(received) = line.receive(false).await else { panic!("no frame") };
-        assert_eq!((received.n_bytes, received.head), (50_000, vec![5; Header::BYTES]));
+        assert_eq!((received.n_bytes, received.head), (50_000, vec![5; Header::MAX_BYTES]));
         assert!(received.message.is_none());
         line.send(0x82, 50_000, &[5; 50_000]).await;
         line.nothing(true).await;

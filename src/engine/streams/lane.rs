@@ -23,6 +23,8 @@ pub struct Waiting {
     pub frame: Whole,
     /// How long that is, in bytes.
     pub n_header_bytes: usize,
+    /// Whether a scan lies between the header and the image.
+    pub has_scan: bool,
     /// Its share of what frames in the mode `lossless` may have.
     pub share: Option<Share>,
     pub spans: FrameSpans,
@@ -133,7 +135,16 @@ mod tests {
         let held = Arc::new(Semaphore::new(1)).try_acquire_owned().unwrap();
         let frame = Whole::Kept(Frame::new(vec![0].into(), held));
         let (arrived, spans) = (Instant::now(), FrameSpans::begin(seq));
-        Waiting { seq, arrived, deadline: None, frame, n_header_bytes: 0, share: None, spans }
+        Waiting {
+            seq,
+            arrived,
+            deadline: None,
+            frame,
+            n_header_bytes: 0,
+            has_scan: false,
+            share: None,
+            spans,
+        }
     }
 
     fn taken(lane: &Lane) -> Option<u64> {

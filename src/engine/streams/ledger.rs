@@ -2,6 +2,7 @@
 
 use crate::engine::recognize::Seen;
 use crate::problem::Problem;
+use roomsight_protocol::header::Odometry;
 use roomsight_protocol::stream::DropReason;
 use std::collections::VecDeque;
 use std::time::Instant;
@@ -20,6 +21,8 @@ pub struct Accepted {
     pub arrived: Instant,
     /// When it was captured, in nanoseconds since 1970.
     pub captured_at_ns: Option<u64>,
+    /// Where the robot was then.
+    pub odometry: Option<Odometry>,
     /// How long its message is.
     pub n_bytes: usize,
 }
@@ -95,7 +98,7 @@ mod tests {
             let mut order: Vec<u64> = (0..n_frames).map(|seq| seq * 3).collect();
             let mut ledger = Ledger::default();
             for &seq in &order {
-                ledger.accept(Accepted { seq, arrived: Instant::now(), captured_at_ns: None, n_bytes: 5 });
+                ledger.accept(Accepted { seq, arrived: Instant::now(), captured_at_ns: None, odometry: None, n_bytes: 5 });
             }
             for (a, b) in swaps {
                 order.swap(usize::from(a) % n_frames as usize, usize::from(b) % n_frames as usize);
@@ -117,7 +120,13 @@ mod tests {
     #[test]
     fn an_unknown_frame_settles_nothing() {
         let mut ledger = Ledger::default();
-        ledger.accept(Accepted { seq: 4, arrived: Instant::now(), captured_at_ns: None, n_bytes: 5 });
+        ledger.accept(Accepted {
+            seq: 4,
+            arrived: Instant::now(),
+            captured_at_ns: None,
+            odometry: None,
+            n_bytes: 5,
+        });
         ledger.settle(3, Outcome::Dropped(DropReason::Overload));
         assert!(ledger.next().is_none());
         assert_eq!((ledger.len(), ledger.unsettled_bytes()), (1, 5));

@@ -319,14 +319,14 @@ impl Session {
             Ok(header) => header,
             Err(detail) => return vec![self.error(None, &Problem::query(detail))],
         };
-        let n_header_bytes = if header.is_some() { Header::BYTES } else { 0 };
-        let (seq, captured_at_ns) =
-            header.map_or((self.next_seq, None), |header| (header.seq, header.captured_at_ns));
+        let n_header_bytes = header.map_or(0, |header| header.n_bytes());
+        let header = header.unwrap_or(Header { seq: self.next_seq, ..Header::default() });
+        let Header { seq, captured_at_ns, odometry, has_scan } = header;
         self.next_seq = seq + 1;
         let arrived = Instant::now();
         self.record.accepted();
         let n_bytes = n_bytes - n_header_bytes;
-        self.ledger.accept(Accepted { seq, arrived, captured_at_ns, n_bytes });
+        self.ledger.accept(Accepted { seq, arrived, captured_at_ns, odometry, n_bytes });
         // In the mode `sampled` it may wait for long, and may have to give way until then.
         let is_kept = self.settings.mode != Mode::Sampled;
         let message = if is_kept { message.and_then(Whole::keep) } else { message };
@@ -335,7 +335,7 @@ impl Session {
             Some(_) if n_bytes == 0 => self.ledger.settle(seq, Outcome::Failed(Problem::query(EMPTY_FRAME))),
             Some(frame) => {
                 let (deadline, spans) = (self.deadline(arrived), FrameSpans::begin(seq));
-                self.wait(Waiting { seq, arrived, deadline, frame, n_header_bytes, share, spans });
+                self.wait(Waiting { seq, arrived, deadline, frame, n_header_bytes, has_scan, share, spans });
             }
         }
         self.tell()

@@ -17,11 +17,13 @@ use crate::engine::timings::ms;
 use crate::engine::told::by_probability;
 use crate::settings::Settings;
 use roomsight_protocol::event::AnswerEvent;
+use roomsight_protocol::header::Odometry;
 use roomsight_protocol::rest::{ModelName, RecognizeQuery};
 use roomsight_protocol::stream::{
     FilterChange, Filtered, ModelChanged, Notice, NoticeKind, ServerMessage, StreamResult, StreamSettings,
 };
-use roomsight_recognition::filter::{RoomFilter, Trust};
+use roomsight_recognition::filter::{Interval, Motion, RoomFilter, Trust};
+use roomsight_recognition::model::Pose;
 use tokio_tungstenite::tungstenite::Utf8Bytes;
 
 /// What a stream says, and has said.
@@ -203,9 +205,14 @@ impl Teller {
             filter: RoomFilter::new(model.rooms().len(), Trust::try_from(wanted.trust).unwrap_or_default()),
             settings: wanted,
             at,
+            odometry: None,
         });
         belief.at = at;
-        belief.filter.update(model.transitions(), elapsed.time.as_secs_f64(), seen.recognition.observation());
+        let odometry = frame.odometry.map(|Odometry { x, y, heading }| Pose { x, y, angle: heading });
+        let motion = belief.odometry.zip(odometry).and_then(|(from, to)| Motion::between(&from, &to));
+        belief.odometry = odometry;
+        let since = Interval { seconds: elapsed.time.as_secs_f64(), motion };
+        belief.filter.update(model.transitions(), since, seen.recognition.observation());
         let room_idx = belief.filter.room_idx();
         let told = Filtered {
             room: model.rooms()[room_idx].clone(),

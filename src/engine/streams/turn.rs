@@ -10,6 +10,8 @@ use crate::engine::pool::Panicked;
 use crate::engine::recognize::{RecognizeError, Shown, Task, look};
 use crate::engine::registry::Choice;
 use crate::engine::robots::RobotRecord;
+use crate::problem::Problem;
+use roomsight_protocol::scan::LaserScan;
 use roomsight_protocol::stream::DropReason;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -53,7 +55,7 @@ impl Turn {
             let _ = self.newsroom.send(News::Settled(seq, Outcome::Dropped(DropReason::Deadline)));
         }
         let Some((waiting, (served, number))) = frame else { return };
-        let Waiting { seq, arrived, deadline, frame, n_header_bytes, share, spans } = waiting;
+        let Waiting { seq, arrived, deadline, frame, n_header_bytes, has_scan, share, spans } = waiting;
         let span = spans.taken();
         let queue = arrived.elapsed();
         let mut verdict = Verdict { newsroom: &self.newsroom, seq, outcome: None };
@@ -67,12 +69,21 @@ impl Turn {
                 let sender = Some(Sender { robot: self.robot.as_deref().map(Into::into), key });
                 let task = Task { served, deadline, explain, transport, shown_for, sender };
                 let frame = frame.after(n_header_bytes);
-                span.in_scope(|| see(&self.engine, frame, task, queue))
+                match if has_scan { with_scan(&frame) } else { Ok(frame) } {
+                    Ok(frame) => span.in_scope(|| see(&self.engine, frame, task, queue)),
+                    Err(problem) => Outcome::Failed(problem),
+                }
             }
         });
         // Others have its room before its robot hears.
         drop(share);
     }
+}
+
+/// The frame behind the scan that it begins with, and the scan.
+fn with_scan(frame: &Frame) -> Result<Frame, Problem> {
+    let scan = LaserScan::read(&frame.bytes).map_err(|error| Problem::query(error.to_string()))?;
+    frame.after(scan.n_bytes()).with_scan(scan)
 }
 
 fn see(engine: &Engine, frame: Frame, task: Task, queue: Duration) -> Outcome {

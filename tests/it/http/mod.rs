@@ -19,6 +19,7 @@ mod operate;
 mod proxy;
 mod replay;
 mod robot;
+mod senses;
 mod service;
 mod stream;
 mod stream_passing;

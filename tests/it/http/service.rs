@@ -3,8 +3,8 @@
 use roomsight::http::{App, serve};
 use roomsight::settings::Settings;
 use roomsight_recognition::model::{
-    CarriedNetwork, Config, DEFAULT_NETWORK, Extractor, Model, Networks, OpinionConfig, Representation,
-    Sample, Scratch, VectorConfig,
+    self, CarriedNetwork, Config, DEFAULT_NETWORK, Extractor, Model, Networks, OpinionConfig, Representation,
+    Sample, Scan, Scratch, VectorConfig,
 };
 use roomsight_recognition::vocabulary;
 use roomsight_vision::camera::{Camera, Projection};
@@ -130,7 +130,7 @@ static SURE_MODEL: LazyLock<Model> = LazyLock::new(|| {
 /// One that gives the same rooms other names.
 pub static OTHER_MODEL: LazyLock<Model> = LazyLock::new(|| train(&with_words(), ["x", "y", "z"]));
 
-fn with_words() -> Config {
+pub fn with_words() -> Config {
     let bag = vocabulary::Config { n_words: 12, ..vocabulary::Config::default() };
     Config::default().with_bag(|machines| machines.representation = Representation::Bag(bag))
 }
@@ -153,17 +153,24 @@ pub fn write_model_with_network(folder: &Path, what: &str) -> Option<PathBuf> {
 
 /// Trains on stripes, bars and dots.
 fn train(config: &Config, names: [&str; 3]) -> Model {
+    train_beside(config, names, |_| None)
+}
+
+/// The same with a scan beside the frame of each room, which are seen 16 times.
+pub fn train_beside(config: &Config, names: [&str; 3], scan: impl Fn(u32) -> Option<Scan>) -> Model {
     let camera = Camera::new(Projection::Perspective);
     let extractor = Extractor::new(config, camera.clone());
     let sample = |idx: u32| {
         let image = Image::decode(&room(idx % 3, idx * 7), &Limits::default()).expect("an image");
+        let scan = scan(idx % 3);
+        let seen = model::Frame { image: &image, scan: scan.as_ref() };
         Sample {
             room: names[idx as usize % 3].to_owned(),
             sequence: format!("drive {}", idx % 4),
             name: format!("{idx}.jpg"),
             pose: None,
             picture: None,
-            features: extractor.extract(&image, &mut Scratch::default()),
+            features: extractor.extract(seen, &mut Scratch::default()),
         }
     };
     let samples: Vec<Sample> = (0..48).map(sample).collect();

@@ -103,14 +103,14 @@ async fn a_header_numbers_and_dates_a_frame() {
     let server = Server::start(Settings::default()).await;
     let mut robot = Robot::connect(&server, "?mode=lossless").await;
     let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap() - Duration::from_secs(2);
-    let header = Header { seq: 41, captured_at_ns: Some(now.as_nanos() as u64) };
+    let header = Header { seq: 41, captured_at_ns: Some(now.as_nanos() as u64), ..Header::default() };
     robot.send(header.join(&frame())).await;
     let first = result(robot.next().await);
     assert_eq!(first.seq, 41);
     assert!((2000.0..60_000.0).contains(&first.age_ms.unwrap()), "{:?}", first.age_ms);
     robot.send(frame()).await;
     assert_eq!(result(robot.next().await).seq, 42, "a bare frame goes on from there");
-    for late in [Header { seq: 42, captured_at_ns: None }, Header { seq: u64::MAX, captured_at_ns: None }] {
+    for late in [Header { seq: 42, ..Header::default() }, Header { seq: u64::MAX, ..Header::default() }] {
         robot.send(late.join(&frame())).await;
         assert_eq!(error(&robot.next().await), (None, "bad-request"));
     }
@@ -124,7 +124,7 @@ async fn a_header_numbers_and_dates_a_frame() {
 async fn a_number_that_leaves_none_for_others_is_refused_with_one_that_can_be_given() {
     let server = Server::start(Settings::default()).await;
     let mut robot = Robot::connect(&server, "?mode=lossless").await;
-    let numbered = |seq| Header { seq, captured_at_ns: None }.join(&frame());
+    let numbered = |seq| Header { seq, ..Header::default() }.join(&frame());
     for (next, seq) in (0..).zip([u64::MAX, u64::MAX - 1, MAX_SEQ + 1]) {
         robot.send(numbered(seq)).await;
         let told = detail(robot.next().await);
@@ -151,7 +151,7 @@ async fn stamps_that_do_not_advance_are_told_once_and_the_filter_lets_go() {
         let mut told = Vec::new();
         for seq in 0..40 {
             let room_idx = u32::from(seq >= 12);
-            let header = Header { seq, captured_at_ns: Some(stamp(seq)) };
+            let header = Header { seq, captured_at_ns: Some(stamp(seq)), ..Header::default() };
             robot.send(header.join(&room(room_idx, seq as u32))).await;
             told.push(result(robot.next().await));
         }

@@ -26,7 +26,11 @@ fn settings(resume_keys: &[&str]) -> Settings {
 async fn drive(robot: &mut Robot, seqs: std::ops::Range<u64>) -> Vec<StreamResult> {
     let mut results = Vec::new();
     for seq in seqs {
-        let header = Header { seq, captured_at_ns: Some(1_800_000_000_000_000_000 + seq * 500_000_000) };
+        let header = Header {
+            seq,
+            captured_at_ns: Some(1_800_000_000_000_000_000 + seq * 500_000_000),
+            ..Header::default()
+        };
         let frame = if seq % 5 == 3 { room(1, seq as u32) } else { known_room(0) };
         robot.send(header.join(&frame)).await;
         results.push(result(robot.next().await));

@@ -76,7 +76,8 @@ impl Account {
                 match frame {
                     Frame::InParts(_) => self.robot.send_raw(&in_parts(&bytes(frame))).await,
                     Frame::Dated(stamp) => {
-                        let header = Header { seq: self.n_accepted, captured_at_ns: Some(stamp) };
+                        let header =
+                            Header { seq: self.n_accepted, captured_at_ns: Some(stamp), ..Header::default() };
                         self.robot.send(header.join(&bytes(frame))).await;
                     }
                     _ => self.robot.send(bytes(frame)).await,

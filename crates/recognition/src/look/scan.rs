@@ -100,6 +100,26 @@ impl Scan {
         (self.step.abs() * (self.ranges.len() - 1) as f32).to_degrees()
     }
 
+    /// The angle of the first beam, in radians.
+    pub fn start(&self) -> f32 {
+        self.start
+    }
+
+    /// From one beam to the next, in radians.
+    pub fn step(&self) -> f32 {
+        self.step
+    }
+
+    /// The longest range that is measured, in meters.
+    pub fn max_range(&self) -> f32 {
+        self.max_range
+    }
+
+    /// In meters, infinite where nothing was met.
+    pub fn ranges(&self) -> &[f32] {
+        &self.ranges
+    }
+
     /// What the beam nearest to this angle measured, in radians; `None` where it met nothing.
     pub(crate) fn range_at(&self, angle: f32) -> Option<f32> {
         Some(self.ranges[self.beam_at(angle)?]).filter(|range| range.is_finite())

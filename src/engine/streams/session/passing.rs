@@ -51,6 +51,7 @@ impl Session {
                 seq,
                 arrived: Instant::now(),
                 captured_at_ns: None,
+                odometry: None,
                 n_bytes: 0,
             });
             session.ledger.settle(seq, Outcome::Dropped(DropReason::Lost));
