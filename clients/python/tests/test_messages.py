@@ -1,6 +1,7 @@
 """The protocol apart from any socket."""
 
 import json
+import struct
 import unittest
 
 from roomsight import (
@@ -15,6 +16,7 @@ from roomsight import (
     SetChanged,
     TrainingChanged,
 )
+from roomsight.senses import Beside, Odometry, Scan
 from roomsight.messages import (
     Position,
     configure_message,
@@ -82,9 +84,18 @@ class Messages(unittest.TestCase):
                 read_message(text)
 
     def test_a_dated_frame_has_a_header_and_a_bare_one_has_none(self) -> None:
-        self.assertEqual(frame_message(b"image", 1, None), b"image")
+        self.assertEqual(frame_message(b"image", 1, Beside()), b"image")
         header = b"RSF1" + b"\x01\0\0\0" + b"\x02" + 7 * b"\0" + b"\x03" + 7 * b"\0"
-        self.assertEqual(frame_message(b"image", 2, 3), header + b"image")
+        self.assertEqual(frame_message(b"image", 2, Beside(3)), header + b"image")
+
+    def test_odometry_and_a_scan_lie_between_the_header_and_the_image(self) -> None:
+        scan = Scan(-1.5, 0.5, 8.0, [1.0, float("inf")])
+        message = frame_message(b"image", 2, Beside(None, Odometry(1.0, 2.0, 3.0), scan))
+        self.assertEqual(message[:24], b"RSF1" + b"\x06\0\0\0" + b"\x02" + 7 * b"\0" + 8 * b"\0")
+        self.assertEqual(struct.unpack("<ddd", message[24:48]), (1.0, 2.0, 3.0))
+        self.assertEqual(struct.unpack("<Ifffff", message[48:72]), (2, -1.5, 0.5, 8.0, 1.0, float("inf")))
+        self.assertEqual(message[72:], b"image")
+        self.assertEqual(json.loads(scan.as_json())["ranges"], [1.0, None])
 
     def test_what_is_left_out_is_not_sent(self) -> None:
         sent = json.loads(configure_message({"filter": False, "robot": None, "top": 0}))

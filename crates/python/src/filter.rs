@@ -2,15 +2,22 @@
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use roomsight_recognition::filter::{RoomFilter, Trust};
-use roomsight_recognition::model::{self, Model, Recognition};
+use roomsight_recognition::filter::{Interval, Motion, RoomFilter, Trust};
+use roomsight_recognition::model::{self, Model, Pose, Recognition};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The belief about where a robot is, for frames of one model.
 #[pyclass(frozen, module = "roomsight._core")]
 pub struct Filter {
     model: Arc<Model>,
-    filter: Mutex<RoomFilter>,
+    followed: Mutex<Followed>,
+}
+
+/// What is known of a robot.
+struct Followed {
+    filter: RoomFilter,
+    /// Where it was when the last frame was taken, by its wheels.
+    at: Option<Pose>,
 }
 
 /// What a filter says, as `roomsight.Filtered` has it.
@@ -38,18 +45,28 @@ impl Filter {
     pub fn new(model: Arc<Model>, trust: Option<f32>) -> PyResult<Self> {
         let trust = trust.map_or(Ok(Trust::default()), Trust::try_from);
         let trust = trust.map_err(|error| PyValueError::new_err(error.to_string()))?;
-        let filter = Mutex::new(RoomFilter::new(model.rooms().len(), trust));
-        Ok(Self { model, filter })
+        let filter = RoomFilter::new(model.rooms().len(), trust);
+        Ok(Self { model, followed: Mutex::new(Followed { filter, at: None }) })
     }
 
-    /// Takes in a frame of the filter's model, `elapsed` seconds after the one before.
-    pub fn update(&self, recognition: &Recognition, elapsed: f64, top: Option<usize>) -> Filtered {
-        let mut filter = self.filter.lock().unwrap_or_else(PoisonError::into_inner);
-        filter.update(self.model.transitions(), elapsed, recognition.observation());
+    /// Takes in a frame of the filter's model, `elapsed` seconds after the one before, taken there by the wheels.
+    pub fn update(
+        &self,
+        recognition: &Recognition,
+        elapsed: f64,
+        at: Option<Pose>,
+        top: Option<usize>,
+    ) -> Filtered {
+        let mut followed = self.followed.lock().unwrap_or_else(PoisonError::into_inner);
+        let motion = followed.at.zip(at).and_then(|(from, to)| Motion::between(&from, &to));
+        followed.at = at;
+        let since = Interval { seconds: elapsed, motion };
+        let filter = &mut followed.filter;
+        filter.update(self.model.transitions(), since, recognition.observation());
         let (rooms, room_idx) = (self.model.rooms(), filter.room_idx());
         Filtered {
             room: rooms[room_idx].clone(),
-            known: self.model.knows(&filter),
+            known: self.model.knows(filter),
             probability: filter.belief()[room_idx],
             probabilities: by_probability(rooms, filter.belief(), top),
             novelty: filter.novelty(),

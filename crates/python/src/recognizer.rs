@@ -1,14 +1,13 @@
 //! A model, and the working memories of the threads that use it.
 
-use crate::ModelError;
 use crate::filter::{Filter, Filtered, RoomProbability, by_probability};
 use crate::frame::Frame;
+use crate::{FrameError, ModelError};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use roomsight_recognition::model::{
-    LoadedModel, Model, N_NEAREST, NearFrame, PoseEstimate, Recognition, Scratch, Unknown,
+    self, LoadedModel, Model, N_NEAREST, NearFrame, Pose, PoseEstimate, Recognition, Scan, Scratch, Unknown,
 };
-use roomsight_vision::image::Image;
 use roomsight_vision::network::Runtime;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -58,6 +57,10 @@ struct FramePose {
     radius: f64,
 }
 
+/// A scan: the angle of the first beam, from one to the next, the longest range, and the ranges.
+#[derive(FromPyObject)]
+struct Sweep(f32, f32, f32, Vec<f32>);
+
 /// An answer, and the training frames and the pose that explain it, where they were asked for.
 struct Explained {
     recognition: Recognition,
@@ -106,7 +109,8 @@ impl Recognizer {
     }
 
     /// What a frame shows; with a filter also what it and those before it say together.
-    #[pyo3(signature = (frame, top=None, explain=false, filter=None, elapsed=0.0))]
+    #[pyo3(signature = (frame, top=None, explain=false, filter=None, elapsed=0.0, odometry=None, scan=None))]
+    #[allow(clippy::too_many_arguments, reason = "Python names them")]
     fn recognize(
         &self,
         py: Python<'_>,
@@ -115,26 +119,40 @@ impl Recognizer {
         explain: bool,
         filter: Option<&Filter>,
         elapsed: f64,
+        odometry: Option<[f64; 3]>,
+        scan: Option<Sweep>,
     ) -> PyResult<Seen> {
         if filter.is_some_and(|filter| !filter.is_of(&self.model)) {
             return Err(PyValueError::new_err("the filter is of another model"));
         }
         let frame = Frame::of(frame, self.model.wants_colors())?;
         py.detach(|| {
-            let explained = self.explained(&frame.decoded(&self.model)?, explain);
-            let filtered = filter.map(|filter| filter.update(&explained.recognition, elapsed, top));
+            let scan = scan.map(|sweep| self.scan(sweep)).transpose()?;
+            let image = frame.decoded(&self.model)?;
+            let seen = model::Frame { image: &image, scan: scan.as_ref() };
+            let explained = self.explained(seen, explain);
+            let at = odometry.map(|[x, y, angle]| Pose { x, y, angle });
+            let filtered = filter.map(|filter| filter.update(&explained.recognition, elapsed, at, top));
             Ok(self.seen(explained, filtered, top))
         })
     }
 }
 
 impl Recognizer {
-    fn explained(&self, image: &Image, explain: bool) -> Explained {
+    /// A scan that the model can look at, if it does.
+    fn scan(&self, Sweep(start, step, max_range, ranges): Sweep) -> PyResult<Scan> {
+        let refused = |reason: &dyn std::fmt::Display| FrameError::new_err(reason.to_string());
+        let scan = Scan::new(start, step, max_range, ranges).map_err(|error| refused(&error))?;
+        self.model.extractor().check_scan(&scan).map_err(|error| refused(&error))?;
+        Ok(scan)
+    }
+
+    fn explained(&self, frame: model::Frame, explain: bool) -> Explained {
         let free = || self.scratches.lock().unwrap_or_else(PoisonError::into_inner);
         let mut scratch = free().pop().unwrap_or_default();
-        let damaged_rows = image.damaged_rows();
+        let damaged_rows = frame.image.damaged_rows();
         let explained = if explain {
-            let features = self.model.features(image, &mut scratch);
+            let features = self.model.features(frame, &mut scratch);
             Explained {
                 recognition: self.model.classify(&features),
                 damaged_rows,
@@ -142,7 +160,7 @@ impl Recognizer {
                 pose: self.model.pose(&features),
             }
         } else {
-            let recognition = self.model.recognize(image, &mut scratch);
+            let recognition = self.model.recognize(frame, &mut scratch);
             Explained { recognition, damaged_rows, nearest: None, pose: None }
         };
         free().push(scratch);

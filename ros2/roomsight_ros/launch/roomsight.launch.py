@@ -7,6 +7,7 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -17,6 +18,10 @@ def generate_launch_description() -> LaunchDescription:
         "model": ("", "The folder of a model, to recognize in this process"),
         "url": ("", "The address of a service, to recognize there"),
         "transport": ("compressed", "compressed or raw"),
+        "laser": ("false", "Whether to take the scans of the laser"),
+        "scan": ("scan", "The topic of the scans"),
+        "odometry": ("false", "Whether to take how far the robot went"),
+        "odom": ("odom", "The topic of the odometry"),
         "params_file": (str(config), "The other parameters"),
     }
     value = LaunchConfiguration
@@ -28,8 +33,9 @@ def generate_launch_description() -> LaunchDescription:
         parameters=[
             value("params_file"),
             {name: value(name) for name in ("model", "url", "transport")},
+            {name: ParameterValue(value(name), value_type=bool) for name in ("laser", "odometry")},
         ],
-        remappings=[("image", value("image")), ("image/compressed", [value("image"), "/compressed"])],
+        remappings=[("image", value("image")), ("image/compressed", [value("image"), "/compressed"]), ("scan", value("scan")), ("odom", value("odom"))],
         respawn=True,
         respawn_delay=2.0,
     )

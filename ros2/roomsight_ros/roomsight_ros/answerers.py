@@ -7,6 +7,8 @@ from typing import Optional, Protocol, Union
 
 from roomsight import Client, Dropped, Error, Filtered, Result
 
+from .senses import Senses
+
 
 class SingleAnswer(Protocol):
     """What a picture says by itself: of a service, or of a model in this process."""
@@ -36,9 +38,9 @@ class ModelAnswerer:
         self._follower = Recognizer(folder).follow(trust=trust)
         self._folder = folder
 
-    def answer(self, picture: bytes, stamp_ns: int) -> Optional[Told]:
-        """What a picture says that was taken at a time. Raises where it is no picture."""
-        seen = self._follower.recognize(picture, at=stamp_ns / 1e9)
+    def answer(self, picture: bytes, stamp_ns: int, senses: Senses) -> Optional[Told]:
+        """What a picture says that was taken at a time, with what was sensed then. Raises where it is no picture."""
+        seen = self._follower.recognize(picture, at=stamp_ns / 1e9, odometry=senses.odometry, scan=senses.scan)
         assert seen.filtered is not None, "a follower filters"
         return Told(seen, seen.filtered, self._folder)
 
@@ -53,9 +55,10 @@ class ServiceAnswerer:
         self._client = Client(url, key)
         self._stream = self._client.lasting_stream(robot=robot, filter=True if trust is None else {"trust": trust})
 
-    def answer(self, picture: bytes, stamp_ns: int) -> Optional[Told]:
-        """What a picture says that was taken at a time; ``None`` where the service was too busy for it. Raises where it is no picture."""
-        seq = self._stream.send(picture, captured_at_ns=stamp_ns or None)
+    def answer(self, picture: bytes, stamp_ns: int, senses: Senses) -> Optional[Told]:
+        """What a picture says that was taken at a time, with what was sensed then; ``None`` where the service was too busy for it. Raises
+        where it is no picture."""
+        seq = self._stream.send(picture, captured_at_ns=stamp_ns or None, odometry=senses.odometry, scan=senses.scan)
         while True:
             ending = self._stream.answer()
             if ending.seq == seq:

@@ -8,16 +8,22 @@ from typing import Any, Optional, Union
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from nav_msgs.msg import Odometry as OdometryMessage
 from rclpy.node import Node
 from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy
 from roomsight_msgs.msg import RoomAnswer, RoomProbability
-from sensor_msgs.msg import CompressedImage, Image
+from roomsight import Odometry, Scan
+from sensor_msgs.msg import CompressedImage, Image, LaserScan
 
 from .answerers import ModelAnswerer, ServiceAnswerer, Told
 from .pictures import encoded
+from .senses import Recent, Senses, odometry_of, scan_of, stamp_ns
 
 #: As cameras publish: what is lost is old.
 LATEST = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+#: Scans and odometry come faster than pictures: some wait for theirs.
+RECENT = QoSProfile(history=HistoryPolicy.KEEP_LAST, depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 #: How many answers may wait for a subscriber.
 DEPTH = 10
@@ -35,7 +41,7 @@ class RoomNode(Node):
 
     def __init__(self) -> None:
         super().__init__("roomsight")
-        for name, default in (("model", ""), ("url", ""), ("key", ""), ("robot", ""), ("transport", "compressed"), ("trust", -1.0)):
+        for name, default in (("model", ""), ("url", ""), ("key", ""), ("robot", ""), ("transport", "compressed"), ("trust", -1.0), ("laser", False), ("odometry", False)):
             self.declare_parameter(name, default)
         self._answerer = self._made_answerer()
         self._waiting: Optional[Any] = None
@@ -52,6 +58,12 @@ class RoomNode(Node):
             raise ValueError(f"transport is compressed or raw, not {transport}")
         kind, topic = (Image, "image") if transport == "raw" else (CompressedImage, "image/compressed")
         self.create_subscription(kind, topic, self._receive, LATEST)
+        self._scans: Recent[Scan] = Recent()
+        self._odometry: Recent[Odometry] = Recent()
+        if self._parameter("laser"):
+            self.create_subscription(LaserScan, "scan", self._keep_scan, RECENT)
+        if self._parameter("odometry"):
+            self.create_subscription(OdometryMessage, "odom", self._keep_odometry, RECENT)
         self.create_timer(DIAGNOSTICS_S, self._diagnose)
         self._thread = threading.Thread(target=self._answer_all, name="answers", daemon=True)
         self._thread.start()
@@ -76,6 +88,12 @@ class RoomNode(Node):
             self._last_ns = self.get_clock().now().nanoseconds
             self._changed.notify()
 
+    def _keep_scan(self, message: Any) -> None:
+        self._scans.add(stamp_ns(message), scan_of(message))
+
+    def _keep_odometry(self, message: Any) -> None:
+        self._odometry.add(stamp_ns(message), odometry_of(message))
+
     def _answer_all(self) -> None:
         while True:
             with self._changed:
@@ -83,9 +101,10 @@ class RoomNode(Node):
                 if self._is_closed:
                     return
                 message, self._waiting = self._waiting, None
-            stamp = message.header.stamp
+            at_ns = stamp_ns(message)
             try:
-                told = self._answerer.answer(encoded(message), stamp.sec * 10**9 + stamp.nanosec)
+                senses = Senses(self._scans.at(at_ns), self._odometry.at(at_ns))
+                told = self._answerer.answer(encoded(message), at_ns, senses)
             except Exception as error:  # A picture costs itself alone, whatever is wrong with it.
                 self._count("failed", str(error))
                 # Each second at most, by the clock of the node.

@@ -146,4 +146,5 @@ def install() -> None:
     )
     messages("diagnostic_msgs", "DiagnosticArray", "DiagnosticStatus", "KeyValue")
     messages("roomsight_msgs", "RoomAnswer", "RoomProbability")
-    messages("sensor_msgs", "CompressedImage", "Image")
+    messages("sensor_msgs", "CompressedImage", "Image", "LaserScan")
+    messages("nav_msgs", "Odometry")

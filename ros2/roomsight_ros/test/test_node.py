@@ -123,6 +123,37 @@ class Nodes(RunningService):
             receive(compressed(PICTURES["corridor"], 2))
             self.assertEqual(self.answers(node, 1)[0].header.stamp.sec, 2)
 
+    def test_what_was_sensed_when_a_picture_was_taken_goes_with_it(self) -> None:
+        for parameters in ({"model": str(MODEL)}, {"url": self.url}):
+            node = self.node(laser=True, odometry=True, **parameters)
+            self.assertEqual(sorted(node.subscribed), ["image/compressed", "odom", "scan"])
+            asked: "list[Any]" = []
+            answer = node._answerer.answer
+
+            def hear(picture: bytes, at_ns: int, senses: Any) -> Any:
+                asked.append(senses)
+                return answer(picture, at_ns, senses)
+
+            node._answerer.answer = hear  # type: ignore[method-assign]
+            for tenth in range(30):
+                scan = stand_in.message("sensor_msgs/msg/LaserScan")()
+                scan.header.stamp.sec, scan.header.stamp.nanosec = 100 + tenth // 10, tenth % 10 * 10**8
+                scan.angle_min, scan.angle_increment, scan.range_max = -1.5, 0.01, 8.0
+                scan.ranges = [1.0 + tenth] * 300
+                node.subscribed["scan"][1](scan)
+                odometry = stand_in.message("nav_msgs/msg/Odometry")()
+                odometry.header.stamp = scan.header.stamp
+                odometry.pose.pose.position.x = float(tenth)
+                odometry.pose.pose.orientation.z = odometry.pose.pose.orientation.w = math.sqrt(0.5)
+                node.subscribed["odom"][1](odometry)
+            for stamp_s in (101, 200):
+                node.subscribed["image/compressed"][1](compressed(PICTURES["corridor"], stamp_s))
+                self.answers(node, len(asked) + 1)
+            self.assertEqual([len(self.answers(node, 2)), len(asked)], [2, 2])
+            self.assertEqual((asked[0].scan.ranges[0], asked[0].odometry.x), (11.0, 10.0))
+            self.assertAlmostEqual(asked[0].odometry.heading, math.pi / 2)
+            self.assertEqual((asked[1].scan, asked[1].odometry), (None, None), "a minute later")
+
     def test_parameters_that_make_no_sense_are_refused(self) -> None:
         for parameters in ({}, {"model": "a", "url": "http://b"}, {"model": str(MODEL), "transport": "smoke"}):
             stand_in.Node.parameters = parameters

@@ -65,6 +65,7 @@ from .messages import (
     StreamLimits,
     StreamSettings,
 )
+from .senses import Odometry, Scan
 from .service import AuditEntry, AuditList, HistoryPoint, ServiceHistory, ServiceInfo
 from .sets import (
     AddedFrames,

@@ -27,4 +27,6 @@ class Recognizer:
         explain: bool = False,
         filter: Optional[Filter] = None,
         elapsed: float = 0.0,
+        odometry: Optional[tuple[float, float, float]] = None,
+        scan: Optional[tuple[float, float, float, list[float]]] = None,
     ) -> dict[str, Any]: ...

@@ -14,6 +14,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 
 from .errors import ConnectionLost, Problem, ProtocolError, Refused, ResumePoint, RoomsightError
 from .messages import Hello, read_message
+from .senses import Scan
 from .types import decode
 
 T = TypeVar("T")
@@ -101,9 +102,11 @@ def given(values: dict[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in values.items() if value is not None}
 
 
-def frame_body(frame: Frame) -> dict[str, Any]:
-    """One frame as the body of a call, as arguments for httpx."""
-    return {"content": frame_bytes(frame), "headers": _BINARY}
+def frame_body(frame: Frame, scan: Optional[Scan] = None) -> dict[str, Any]:
+    """One frame as the body of a call, with the scan beside it where there is one, as arguments for httpx."""
+    if scan is None:
+        return {"content": frame_bytes(frame), "headers": _BINARY}
+    return {"files": {"frame": ("frame", frame_bytes(frame)), "scan": (None, scan.as_json(), "application/json")}}
 
 
 def path(*parts: Union[str, int]) -> str:

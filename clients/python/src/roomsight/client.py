@@ -27,6 +27,7 @@ from .lasting import LastingStream
 from .messages import Hello, Message, Position
 from .models import ModelCalls
 from .robots import RobotCalls
+from .senses import Beside, Odometry, Scan
 from .service import ServiceCalls
 from .sets import Sets
 from .steps import Caller
@@ -214,17 +215,29 @@ class Stream(Closing):
         """Where ``Client.resume`` can go on."""
         return self._position.point
 
-    def send(self, frame: Frame, *, captured_at_ns: Optional[int] = None) -> int:
-        """Sends an encoded image, and returns its number. ``captured_at_ns`` is as of ``time.time_ns()``."""
+    def send(
+        self,
+        frame: Frame,
+        *,
+        captured_at_ns: Optional[int] = None,
+        odometry: Optional[Odometry] = None,
+        scan: Optional[Scan] = None,
+    ) -> int:
+        """Sends an encoded image, and returns its number.
+
+        ``captured_at_ns`` is as of ``time.time_ns()``; ``odometry`` lets the filter take the way instead of the time; ``scan`` is what the
+        laser measured beside it, for models that look at that.
+        """
+        beside = Beside(captured_at_ns, odometry, scan)
         # What cannot be sent takes no number.
-        message = messages.frame_message(calls.frame_bytes(frame), self._position.next_seq, captured_at_ns)
+        message = messages.frame_message(calls.frame_bytes(frame), self._position.next_seq, beside)
         seq = self._position.number()
         self._send(message)
         return seq
 
-    def send_numbered(self, frame: bytes, seq: int, captured_at_ns: Optional[int] = None) -> None:
+    def send_numbered(self, frame: bytes, seq: int, beside: Beside = Beside()) -> None:
         """Sends an encoded image under a number of your own, larger than those before it."""
-        message = messages.numbered_message(frame, seq, captured_at_ns)
+        message = messages.numbered_message(frame, seq, beside)
         self._position.next_seq = seq + 1
         self._send(message)
 

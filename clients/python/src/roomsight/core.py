@@ -17,6 +17,7 @@ from typing import Optional, Union
 
 from . import runtimes
 from .calls import Frame
+from .senses import Odometry, Scan, core_scan
 from .types import Filtered, FramePose, NearestFrame, RoomProbability, decode
 
 try:
@@ -70,14 +71,17 @@ class Recognizer:
         """The BLAKE3 digest of the model's file, in hexadecimal digits."""
         return self._core.digest
 
-    def recognize(self, frame: Frame, *, top: Optional[int] = None, explain: bool = False) -> Recognition:
+    def recognize(
+        self, frame: Frame, *, scan: Optional[Scan] = None, top: Optional[int] = None, explain: bool = False
+    ) -> Recognition:
         """What a frame shows: the bytes or the path of an encoded image, a NumPy array or a Pillow image of 8-bit pixels, gray or RGB.
 
-        ``top`` leaves only the most probable rooms; ``explain`` also tells the training frames that are most like it and, of
-        models that were trained on poses, where it was taken. Raises ``FrameError`` where it is no picture or one beyond the
-        limits (16 MiB, 50 megapixels), ``TypeError`` where it is nothing of the above.
+        ``scan`` is what the robot's laser measured beside it, for models that look at that. ``top`` leaves only the most probable
+        rooms; ``explain`` also tells the training frames that are most like it and, of models that were trained on poses, where it was
+        taken. Raises ``FrameError`` where it is no picture or one beyond the limits (16 MiB, 50 megapixels), or the scan is none or
+        of another field than trained, ``TypeError`` where it is nothing of the above.
         """
-        return decode(Recognition, self._core.recognize(frame, top, explain))
+        return decode(Recognition, self._core.recognize(frame, top, explain, scan=core_scan(scan)))
 
     def follow(self, *, trust: Optional[float] = None) -> Follower:
         """Follows one robot: each of its frames with what those before it say, as a stream of the service does."""
@@ -91,13 +95,24 @@ class Follower:
         self._core, self._belief = core, belief
         self._before: Optional[float] = None
 
-    def recognize(self, frame: Frame, *, at: Optional[float] = None, top: Optional[int] = None, explain: bool = False) -> Recognition:
+    def recognize(
+        self,
+        frame: Frame,
+        *,
+        at: Optional[float] = None,
+        odometry: Optional[Odometry] = None,
+        scan: Optional[Scan] = None,
+        top: Optional[int] = None,
+        explain: bool = False,
+    ) -> Recognition:
         """What a frame shows, and in ``filtered`` what it says together with those before it.
 
-        ``at`` is when it was taken, in seconds of any clock that runs on; by default now. Raises as ``Recognizer.recognize``.
+        ``at`` is when it was taken, in seconds of any clock that runs on; by default now. With ``odometry`` the way counts instead of the
+        time: a robot that stands is believed to stay. Raises as ``Recognizer.recognize``.
         """
         at = time.monotonic() if at is None else at
         elapsed = 0.0 if self._before is None else max(0.0, at - self._before)
-        seen = self._core.recognize(frame, top, explain, self._belief, elapsed)
+        place = None if odometry is None else (odometry.x, odometry.y, odometry.heading)
+        seen = self._core.recognize(frame, top, explain, self._belief, elapsed, place, core_scan(scan))
         self._before = at
         return decode(Recognition, seen)

@@ -15,6 +15,7 @@ from .calls import Frame
 from .closing import AsyncClosing, Closing
 from .errors import ConnectionLost, ProtocolError, Refused, ResumePoint, RoomsightError
 from .messages import Dropped, Error, Hello, Message, Result
+from .senses import Beside, Odometry, Scan
 
 if TYPE_CHECKING:
     from .aio import AsyncStream
@@ -145,13 +146,20 @@ class LastingStream(_Lasting["Stream"], Closing):
         self._begin = begin
         self._going_on = threading.Lock()
 
-    def send(self, frame: Frame, *, captured_at_ns: Optional[int] = None) -> int:
-        """Sends an encoded image, and returns its number. ``captured_at_ns`` is as of ``time.time_ns()``."""
-        image = calls.frame_bytes(frame)
+    def send(
+        self,
+        frame: Frame,
+        *,
+        captured_at_ns: Optional[int] = None,
+        odometry: Optional[Odometry] = None,
+        scan: Optional[Scan] = None,
+    ) -> int:
+        """Sends an encoded image, and returns its number; as ``Stream.send``."""
+        image, beside = calls.frame_bytes(frame), Beside(captured_at_ns, odometry, scan)
         while True:
             stream, seq = self._stream, self._endings.number()
             try:
-                stream.send_numbered(image, seq, captured_at_ns)
+                stream.send_numbered(image, seq, beside)
                 return seq
             except ConnectionLost as error:
                 self._endings.forget(seq)
@@ -237,13 +245,20 @@ class AsyncLastingStream(_Lasting["AsyncStream"], AsyncClosing):
         self._begin = begin
         self._going_on = asyncio.Lock()
 
-    async def send(self, frame: Frame, *, captured_at_ns: Optional[int] = None) -> int:
-        """Sends an encoded image, and returns its number. ``captured_at_ns`` is as of ``time.time_ns()``."""
-        image = calls.frame_bytes(frame)
+    async def send(
+        self,
+        frame: Frame,
+        *,
+        captured_at_ns: Optional[int] = None,
+        odometry: Optional[Odometry] = None,
+        scan: Optional[Scan] = None,
+    ) -> int:
+        """Sends an encoded image, and returns its number; as ``AsyncStream.send``."""
+        image, beside = calls.frame_bytes(frame), Beside(captured_at_ns, odometry, scan)
         while True:
             stream, seq = self._stream, self._endings.number()
             try:
-                await stream.send_numbered(image, seq, captured_at_ns)
+                await stream.send_numbered(image, seq, beside)
                 return seq
             except ConnectionLost as error:
                 self._endings.forget(seq)

@@ -9,13 +9,17 @@ from typing import Any, Optional, Union
 from urllib.parse import urlencode
 
 from .errors import Problem, ProtocolError, ResumePoint
+from .senses import Beside
 from .types import Answer, Filtered, ModelName, decode
 
 SUBPROTOCOL = "roomsight.v1"
 
 #: What begins a frame that has a number: magic, flags, number, time in ns since 1970; all little-endian.
 _HEADER = struct.Struct("<4sIQQ")
-_DATED = 1
+_DATED, _LOCATED, _SCANNED = 1, 2, 4
+
+#: What follows it where odometry is told.
+_ODOMETRY = struct.Struct("<ddd")
 
 
 @dataclass(frozen=True)
@@ -188,15 +192,21 @@ def read_message(text: Union[str, bytes]) -> Message:
     return message
 
 
-def frame_message(frame: bytes, seq: int, captured_at_ns: Optional[int]) -> bytes:
-    """A frame as it is sent: with a header where it is dated, else bare."""
-    return frame if captured_at_ns is None else numbered_message(frame, seq, captured_at_ns)
+def frame_message(frame: bytes, seq: int, beside: Beside) -> bytes:
+    """A frame as it is sent: with a header where there is something to tell of it, else bare."""
+    return frame if beside.is_nothing else numbered_message(frame, seq, beside)
 
 
-def numbered_message(frame: bytes, seq: int, captured_at_ns: Optional[int]) -> bytes:
-    """A frame with a header."""
-    flags = 0 if captured_at_ns is None else _DATED
-    return _HEADER.pack(b"RSF1", flags, seq, captured_at_ns or 0) + frame
+def numbered_message(frame: bytes, seq: int, beside: Beside) -> bytes:
+    """A frame with a header, and the scan of a laser between them where there is one."""
+    captured_at_ns, odometry, scan = beside.captured_at_ns, beside.odometry, beside.scan
+    flags = _DATED * (captured_at_ns is not None) | _LOCATED * (odometry is not None) | _SCANNED * (scan is not None)
+    message = _HEADER.pack(b"RSF1", flags, seq, captured_at_ns or 0)
+    if odometry is not None:
+        message += _ODOMETRY.pack(odometry.x, odometry.y, odometry.heading)
+    if scan is not None:
+        message += scan.as_bytes()
+    return message + frame
 
 
 def resume_query(point: ResumePoint) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from typing import Optional
 
 from . import calls
 from .calls import Archive, Frame
+from .senses import Scan
 from .steps import Method, Steps, ask, tell
 from .types import Answer, Model, ModelList, Version
 
@@ -26,10 +27,11 @@ class ModelCalls:
         deadline_ms: Optional[int] = None,
         top: Optional[int] = None,
         explain: Optional[bool] = None,
+        scan: Optional[Scan] = None,
     ) -> Steps[Answer]:
         """The room of one encoded image, given as bytes or as the path of a file.
 
-        ``deadline_ms`` is how long the frame may wait, ``top`` how many rooms to name. Raises ``Refused``,
+        ``scan`` is what the robot's laser measured beside it, for models that look at that. ``deadline_ms`` is how long the frame may wait, ``top`` how many rooms to name. Raises ``Refused``,
         ``ConnectionLost`` or ``ProtocolError``.
         """
         query = {
@@ -42,7 +44,7 @@ class ModelCalls:
             "top": top,
             "explain": explain,
         }
-        return ask(Answer, "POST", "/v1/recognize", params=calls.given(query), **calls.frame_body(frame))
+        return ask(Answer, "POST", "/v1/recognize", params=calls.given(query), **calls.frame_body(frame, scan))
 
     @Method
     def models(self) -> Steps[ModelList]:

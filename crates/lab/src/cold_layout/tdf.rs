@@ -75,10 +75,9 @@ pub(crate) fn scan(ranges: Vec<f32>) -> Result<Scan, ScanError> {
     Scan::new(start, step, TOO_FAR, ranges)
 }
 
-/// A line of `odom.tdf`, with its end.
-pub fn odometry_line(time: f64, pose: &Pose) -> String {
-    let Pose { x, y, angle } = pose;
-    format!("0 0 0 {} 2 0 6 {x:.6} {y:.6} 0.000000 {angle:.6} 0.000000 0.000000\n", stamp(time))
+/// A line of `odom.tdf`, with its end: where, in meters, and the heading, in radians.
+pub fn odometry_line(time: f64, [x, y]: [f64; 2], heading: f64) -> String {
+    format!("0 0 0 {} 2 0 6 {x:.6} {y:.6} 0.000000 {heading:.6} 0.000000 0.000000\n", stamp(time))
 }
 
 /// A line of `scans.tdf`, with its end. Where there is no range, nothing was met.
@@ -117,7 +116,7 @@ mod tests {
     #[test]
     fn what_is_written_is_read() {
         let pose = Pose { x: 1.5, y: -2.25, angle: 3.125 };
-        let line = odometry_line(1_151_900_000.25, &pose);
+        let line = odometry_line(1_151_900_000.25, [1.5, -2.25], 3.125);
         assert_eq!(read_odometry(&line).unwrap(), Timed { time: 1_151_900_000.25, what: pose });
         let ranges: Vec<Option<f32>> = (0..181).map(|idx| (idx > 0).then_some(idx as f32 / 8.0)).collect();
         let read = read_scan(&scan_line(1_151_900_000.5, &ranges)).unwrap();

@@ -177,7 +177,8 @@ fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Re
         // Whatever clock pictures are dated by, what was recorded beside them belongs to them.
         let at_ns = message.time_ns;
         let pose = poses.as_ref().and_then(|poses| poses.at(at_ns));
-        let room = rooms.as_ref().and_then(|rooms| rooms.at(time_ns, pose.as_ref()));
+        let when = Moment { time_ns, recorded_ns: at_ns };
+        let room = rooms.as_ref().and_then(|rooms| rooms.at(when, pose.as_ref()));
         let frame = Frame {
             path: path.join(format!("{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000)),
             room: room.unwrap_or_default().to_owned(),
@@ -324,28 +325,39 @@ fn times(
 
 /// What tells rooms.
 enum Rooms {
-    Track(RoomTrack),
+    /// By the clock that is wanted.
+    List(RoomTrack),
+    /// By the recorder's clock.
+    Topic(RoomTrack),
     Map(RoomMap),
+}
+
+/// When a picture was taken, by the clock that is wanted and by the recorder's, in nanoseconds.
+#[derive(Clone, Copy)]
+struct Moment {
+    time_ns: u64,
+    recorded_ns: u64,
 }
 
 impl Rooms {
     /// Of a recording; none where nothing tells them.
     fn of(recording: &Recording, taking: &Taking, first_ns: u64) -> Result<Option<Self>, DatasetError> {
         if let Some(topic) = &taking.room_topic {
-            return Ok(Some(Self::Track(RoomTrack::of_topic(recording, topic)?)));
+            return Ok(Some(Self::Topic(RoomTrack::of_topic(recording, topic)?)));
         }
         if let Some(map) = &taking.map {
             return Ok(Some(Self::Map(RoomMap::read(map)?)));
         }
         let beside = taking.labels.clone().or_else(|| labels::beside(recording.path()));
-        let read = |path: PathBuf| RoomTrack::read(&path, first_ns).map(Self::Track);
+        let read = |path: PathBuf| RoomTrack::read(&path, first_ns).map(Self::List);
         beside.map(read).transpose()
     }
 
-    /// The room where a robot was at a time.
-    fn at(&self, time_ns: u64, pose: Option<&super::Pose>) -> Option<&str> {
+    /// The room where a robot was when a picture was taken.
+    fn at(&self, when: Moment, pose: Option<&super::Pose>) -> Option<&str> {
         match self {
-            Self::Track(track) => track.at(time_ns),
+            Self::List(track) => track.at(when.time_ns),
+            Self::Topic(track) => track.at(when.recorded_ns),
             Self::Map(map) => map.at(pose?),
         }
     }
@@ -353,7 +365,7 @@ impl Rooms {
     /// Why no picture from one time to another, in seconds, has a room.
     fn why_none(&self, from: f64, to: f64) -> String {
         match self {
-            Self::Track(track) => track.why_none(from, to),
+            Self::List(track) | Self::Topic(track) => track.why_none(from, to),
             Self::Map(_) => {
                 "no pose of it lies in a room of the map: is the map in other coordinates?".to_owned()
             }

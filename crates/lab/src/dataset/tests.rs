@@ -1,6 +1,7 @@
 //! Data sets made in a temporary folder, opened as a user would.
 
 mod layouts;
+mod senses;
 
 use super::cold::{DrivenPath, Illumination, Part, SequenceName};
 use super::*;

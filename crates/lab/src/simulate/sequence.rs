@@ -1,7 +1,7 @@
 //! Sequences on disk.
 
 use super::walls::{WALLS_FILE, Wall};
-use super::{CameraKind, SequenceSpec, Simulation};
+use super::{CameraKind, Pose, SequenceSpec, Simulation};
 use crate::cold_layout::{LABEL_FILE, LABEL_FOLDER, ODOMETRY_FILE, SCAN_FILE, SENSES_FOLDER, tdf};
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
@@ -124,8 +124,10 @@ fn write_senses(simulation: &Simulation, folder: &Path) -> Result<(), SimulateEr
     let n_frames = simulation.n_frames();
     let scan = |idx: usize| tdf::scan_line(simulation.time(idx), &simulation.scan(idx));
     let scans: Vec<String> = (0..n_frames).into_par_iter().map(scan).collect();
-    let poses = simulation.odometry().into_iter().enumerate();
-    let odometry: String = poses.map(|(idx, pose)| tdf::odometry_line(simulation.time(idx), &pose)).collect();
+    let line = |(idx, Pose { x, y, heading }): (usize, Pose)| {
+        tdf::odometry_line(simulation.time(idx), [x, y].map(f64::from), heading.into())
+    };
+    let odometry: String = simulation.odometry().into_iter().enumerate().map(line).collect();
     let senses = folder.join(SENSES_FOLDER);
     fs::create_dir_all(&senses).map_err(failed(&senses))?;
     for (file, lines) in [(ODOMETRY_FILE, odometry), (SCAN_FILE, scans.concat())] {

@@ -1,5 +1,7 @@
 //! What holds for whole sequences; small frames keep it quick.
 
+mod senses;
+
 use super::*;
 use roomsight_vision::image::{Image, Limits};
 use std::collections::BTreeSet;

@@ -70,7 +70,31 @@ fn pose(x: f64, stamp_ns: u64) -> Vec<u8> {
     cdr.message()
 }
 
-/// A picture a second, a pose every half, and the room each time it changes: the hall, from the fifth picture on the kitchen.
+/// A scan of as many degrees, everything so far away.
+fn scan(range: f32, n_degrees: usize) -> Vec<u8> {
+    let mut cdr = Cdr::default();
+    cdr.header(0, "laser");
+    let half = (n_degrees as f32).to_radians() / 2.0;
+    let numbers = [-half, half, 1_f32.to_radians(), 0.0, 0.1, 0.1, 20.0];
+    numbers.iter().for_each(|number| cdr.number(number.to_le_bytes()));
+    for n_numbers in [n_degrees + 1, 0] {
+        cdr.number((n_numbers as u32).to_le_bytes());
+        (0..n_numbers).for_each(|_| cdr.number(range.to_le_bytes()));
+    }
+    cdr.message()
+}
+
+/// Where the wheels say that the robot is.
+fn odometry(x: f64) -> Vec<u8> {
+    let mut cdr = Cdr::default();
+    cdr.header(0, "odom");
+    cdr.text("base_link");
+    [x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0].iter().for_each(|number: &f64| cdr.number(number.to_le_bytes()));
+    cdr.message()
+}
+
+/// A picture a second, a pose every half, scans and odometry beside, and the room each time it changes: the hall, from the fifth
+/// picture on the kitchen.
 fn record(path: &Path, topics_of_pictures: &[&str]) {
     let mut writer = mcap::Writer::new(BufWriter::new(File::create(path).unwrap())).unwrap();
     let mut write = |topic: &str, type_name: &str, time_ns: u64, message: &[u8]| {
@@ -85,6 +109,16 @@ fn record(path: &Path, topics_of_pictures: &[&str]) {
             let x = number as f64 + f64::from(half) / 2.0 - 0.1;
             let at = time_ns + u64::from(half as u8) * SECOND_NS / 2 - SECOND_NS / 10;
             write("/pose", "geometry_msgs/msg/PoseStamped", at, &pose(x, stamp_ns));
+        }
+        write(
+            "/scan",
+            "sensor_msgs/msg/LaserScan",
+            time_ns + SECOND_NS / 10,
+            &scan(1.0 + number as f32, 270),
+        );
+        for at in [time_ns - SECOND_NS / 5, time_ns + SECOND_NS / 5] {
+            let x = (at as i128 - i128::from(FIRST_NS)) as f64 / 1e9;
+            write("/odom", "nav_msgs/msg/Odometry", at, &odometry(0.5 * x));
         }
         if let Some(room) = [(0, "hall"), (5, "kitchen")].iter().find(|(first, _)| *first == number) {
             let mut cdr = Cdr::default();
@@ -140,7 +174,7 @@ fn a_topic_or_a_map_tells_the_rooms() {
     assert_eq!(rooms(open(&folder, &topic).unwrap()), "hhhhhkkkkkkk");
     let map = folder.path().join("rooms.yaml");
     fs::write(&map, "rooms:\n- {name: hall, polygon: [[-1,0],[3.5,0],[3.5,1],[-1,1]]}\n- {name: bath, polygon: [[6,0],[8.5,0],[8.5,1],[6,1]]}\n").unwrap();
-    let map = Taking { map: Some(map), ..Taking::default() };
+    let map = Taking { map: Some(map), pose_topic: Some("/pose".to_owned()), ..Taking::default() };
     let dataset = open(&folder, &map).unwrap();
     let pose = dataset.frames[1].pose.unwrap();
     assert!((pose.x - 1.0).abs() < 1e-9 && pose.y == 0.5, "between those before and after: {pose:?}");
@@ -180,13 +214,40 @@ fn what_is_not_there_is_named() {
         "geometry":{"type":"Polygon","coordinates":[[[90,0],[91,0],[91,1],[90,0]]]}}]}"#,
     )
     .unwrap();
-    let map = Taking { map: Some(map), ..Taking::default() };
+    let map = Taking { map: Some(map), pose_topic: Some("/pose".to_owned()), ..Taking::default() };
     assert!(reason(&folder, &map).contains("other coordinates"));
     let unlabeled = open(&folder, &Taking::default()).unwrap();
     assert!(unlabeled.check().unwrap_err().to_string().contains("NAME.rooms.csv"));
     record(&folder.path().join("two.mcap"), &["/left", "/right"]);
     let two = dataset::open(&folder.path().join("two.mcap")).unwrap_err().to_string();
     assert!(two.contains("--topic") && two.contains("/left") && two.contains("/right"), "{two}");
+}
+
+#[test]
+fn scans_and_odometry_lie_beside_pictures_whatever_clock_dates_these() {
+    let folder = one();
+    for clock in [Clock::Recorder, Clock::Stamps] {
+        let room_topic = Some("/room".to_owned());
+        let taking = Taking { laser: true, odometry: true, clock, room_topic, ..Taking::default() };
+        let dataset = open(&folder, &taking).unwrap().with_unlabeled();
+        assert_eq!(dataset.laser().map(|shape| shape.field_degrees), Some(270.0));
+        for (number, frame) in dataset.frames.iter().enumerate() {
+            assert_eq!(frame.read_scan().unwrap().unwrap().ranges()[7], 1.0 + number as f32);
+            assert!((frame.odometry.unwrap().x - 0.5 * number as f64).abs() < 1e-6);
+        }
+        let since = dataset.frames[2].interval_to(&dataset.frames[3]).unwrap();
+        assert!((since.motion.unwrap().meters - 0.5).abs() < 1e-6);
+    }
+    let plain = open(&folder, &Taking::default()).unwrap().with_unlabeled();
+    assert!(plain.frames.iter().all(|frame| frame.scan.is_none() && frame.odometry.is_none()));
+    let other = |scan_topic: &str| Taking {
+        laser: true,
+        scan_topic: Some(scan_topic.to_owned()),
+        ..Taking::default()
+    };
+    assert!(reason(&folder, &other("/lidar")).contains("/scan (sensor_msgs/msg/LaserScan)"));
+    let other = Taking { odometry: true, odometry_topic: Some("/pose".to_owned()), ..Taking::default() };
+    assert!(reason(&folder, &other).contains("/odom (nav_msgs/msg/Odometry)"));
 }
 
 #[test]
