@@ -23,7 +23,7 @@ use roomsight_recognition::model::{
     features_from_bytes, features_to_bytes, try_model,
 };
 use roomsight_recording::Recording;
-use roomsight_recording::message::{Picture, located, stamp_ns, text};
+use roomsight_recording::message::{Picture, located, stamp_ns, sweep, text};
 use roomsight_vision::camera::{Camera, Projection};
 use roomsight_vision::image::{Image, Limits};
 use roomsight_vision::network::{Description, Network, NetworkError};
@@ -249,12 +249,13 @@ pub fn oip(bytes: &[u8]) {
     );
 }
 
-/// A manifest, and the labels of a sequence of COLD. Every frame lies in the data set.
+/// A manifest, the labels of a sequence of COLD, and what was sensed beside its frames. Every frame lies in the data set.
 pub fn lists(bytes: &[u8]) {
-    let [manifest, labels] = parts(bytes);
+    let [manifest, labels, senses] = parts(bytes);
     let room = TempDir::new().expect("a temporary folder");
     let [listed, cold] = ["listed", "cold/seq1_cloudy1"].map(|name| room.path().join(name));
-    let pictures = [listed.join("a"), cold.join("std_cam"), cold.join("localization")];
+    let pictures =
+        [listed.join("a"), cold.join("std_cam"), cold.join("localization"), cold.join("odom_scans")];
     for folder in &pictures {
         fs::create_dir_all(folder).expect("room for a folder");
     }
@@ -263,8 +264,12 @@ pub fn lists(bytes: &[u8]) {
     }
     fs::write(listed.join("frames.csv"), manifest).expect("room for a small file");
     fs::write(cold.join("localization/places.lst"), labels).expect("room for a small file");
+    for file in ["scans.tdf", "odom.tdf"] {
+        fs::write(cold.join("odom_scans").join(file), senses).expect("room for a small file");
+    }
+    let taking = Taking { laser: true, odometry: true, ..Taking::default() };
     for set in [listed, room.path().join("cold")] {
-        let Ok(dataset) = dataset::open(&set) else { continue };
+        let Ok(dataset) = dataset::open_for(&set, &[], &taking) else { continue };
         let root = fs::canonicalize(&set).expect("a folder of ours");
         for frame in &dataset.frames {
             let path = fs::canonicalize(&frame.path).expect("only files that are there are listed");
@@ -291,7 +296,8 @@ pub fn recordings(bytes: &[u8]) {
         for message in &messages {
             let Ok(bytes) = recording.read(message) else { continue };
             let topic = &recording.topics()[message.topic_idx];
-            let _ = (stamp_ns(topic, &bytes), text(topic, &bytes), located(topic, &bytes));
+            let _ =
+                (stamp_ns(topic, &bytes), text(topic, &bytes), located(topic, &bytes), sweep(topic, &bytes));
             if let Ok(picture) = Picture::read(topic, &bytes) {
                 assert!(topic.kind().is_picture());
                 let _ = Image::decode(&picture.encoded, &limits());
@@ -302,7 +308,8 @@ pub fn recordings(bytes: &[u8]) {
     for taking in [
         Taking { labels: Some(labels_file), clock: Clock::Stamps, ..Taking::default() },
         Taking { room_topic, rate: Some(1.0), ..Taking::default() },
-        Taking { map: Some(map_file), ..Taking::default() },
+        Taking { map: Some(map_file), laser: true, ..Taking::default() },
+        Taking { odometry: true, ..Taking::default() },
         Taking { map: Some(as_json), pose_topic: Some("/tf".to_owned()), ..Taking::default() },
     ] {
         if let Ok(dataset) = dataset::open_for(&run, &[], &taking) {

@@ -106,11 +106,15 @@ pub fn stream_document() -> Value {
                     "summary": "A frame, a binary message",
                     "description": "The encoded image as it is, numbered 0, 1, 2, ... by the service. Or a \
                         header before it: the bytes RSF1, flags (little-endian u32, bit 0: the time is \
-                        given), the frame's number (little-endian u64, larger than those before it, at most \
-                        2^52, so that every reader of JSON can tell numbers apart), the time of capture \
-                        (little-endian u64, nanoseconds since 1970). The filter goes by these times where they \
-                        advance by at most an hour more than the service's clock; else by the times at which \
-                        frames arrive, which the first such `result` says in `notice`."
+                        given, bit 1: odometry follows, bit 2: a scan follows), the frame's number (little-endian u64, larger than \
+                        those before it, at most 2^52, so that every reader of JSON can tell numbers apart), the time of capture \
+                        (little-endian u64, nanoseconds since 1970); with bit 1 the robot's x and y in meters and its heading in \
+                        radians (little-endian f64), in coordinates that may begin anywhere and drift; with bit 2 what its laser \
+                        measured: the number of ranges (little-endian u32), angle_min, angle_increment and range_max \
+                        (little-endian f32, radians and meters), and the ranges (little-endian f32, infinite or no number where a \
+                        beam met nothing). Where frames tell odometry the filter takes the way instead of the time. The filter goes \
+                        by these times where they advance by at most an hour more than the service's clock; else by the times \
+                        at which frames arrive, which the first such `result` says in `notice`."
                 },
                 "client": message("What a robot says, a text message", "ClientMessage", &CLIENT_EXAMPLES),
                 "server": message("What the service says, a text message", "ServerMessage", &SERVER_EXAMPLES)

@@ -10,6 +10,8 @@ use rand::{Rng, SeedableRng};
 use roomsight::repository::package;
 use roomsight_lab::dataset;
 use roomsight_lab::part::Part;
+use roomsight_protocol::header::{Beside, Odometry};
+use roomsight_protocol::scan::LaserScan;
 use roomsight_recognition::classify::{boost, svm};
 use roomsight_recognition::model::{
     CarriedNetwork, Classifier, Config, Extractor, GoldenFrame, Model, Networks, PatternsConfig,
@@ -187,7 +189,9 @@ fn lists() -> Vec<Vec<u8>> {
     let labels = "t1_x1_y1_a1.jpeg CR-A\nt2.5_x-1.5_y0_a0.1.jpeg 2PO1-A\n";
     let windows = "\u{feff}\"Place\";\"File\"\r\n\"k\u{fc}che\";\"a\\1.jpg\"\r\n";
     let [manifest, labels, windows] = [manifest, labels, windows].map(str::as_bytes);
-    vec![joined(&[manifest, labels]), joined(&[windows, b"\xff\xfet\x001\x00"])]
+    let ranges = " 1.5".repeat(181);
+    let senses = format!("0 0 181 1 5000 0 0 0 0 0 0 0 0 0 0 0{ranges}\n0 0 0 1 9 2 0 6 1.5 2.5 0 0.1 0 0\n");
+    vec![joined(&[manifest, labels, senses.as_bytes()]), joined(&[windows, b"\xff\xfet\x001\x00", b""])]
 }
 
 /// A recording of MCAP, with an end and without, and a bag, each with a list and a map of its rooms.
@@ -229,9 +233,13 @@ fn bag() -> Vec<u8> {
     let stamped = [&[0; 12][..], &block(b"map")].concat();
     let pose = [0.5_f64, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0].map(f64::to_le_bytes).concat();
     let picture = [&stamped, &block(b"jpeg"), &block(b"P5 1 1 255 0")[..]].concat();
+    let sweep = [-1.0_f32, 1.0, 0.1, 0.0, 0.1, 0.1, 8.0].map(f32::to_le_bytes).concat();
+    let ranges = [&20_u32.to_le_bytes()[..], &[1.5_f32; 20].map(f32::to_le_bytes).concat()].concat();
+    let scan = [&stamped, &sweep[..], &ranges, &[0; 4]].concat();
     let transforms = [&[1, 0, 0, 0], &stamped[..], &block(b"base_link"), &pose].concat();
     let messages = [
         ("/camera", "sensor_msgs/CompressedImage", picture),
+        ("/scan", "sensor_msgs/LaserScan", scan),
         ("/pose", "geometry_msgs/PoseStamped", [&stamped[..], &pose].concat()),
         ("/tf", "tf2_msgs/TFMessage", transforms),
         ("/room", "std_msgs/String", block(b"hall")),
@@ -253,14 +261,14 @@ fn bag() -> Vec<u8> {
     }
     let begins = b"#ROSBAG V2.0\n";
     let first = |index_at: u64| {
-        record(&[("op", &[3]), ("index_pos", &index_at.to_le_bytes()), ("conn_count", &[4, 0, 0, 0])], &[])
+        record(&[("op", &[3]), ("index_pos", &index_at.to_le_bytes()), ("conn_count", &[5, 0, 0, 0])], &[])
     };
     let chunk_at = (begins.len() + first(0).len()) as u64;
     let size = (chunk.len() as u32).to_le_bytes();
     let chunk = record(&[("op", &[5]), ("compression", b"none"), ("size", &size)], &chunk);
     let index_at = chunk_at + (chunk.len() + index.len()) as u64;
     let counts: Vec<u8> =
-        (0..4_u32).flat_map(|number| [number.to_le_bytes(), 1_u32.to_le_bytes()].concat()).collect();
+        (0..5_u32).flat_map(|number| [number.to_le_bytes(), 1_u32.to_le_bytes()].concat()).collect();
     let info = [
         ("op", &[6][..]),
         ("chunk_pos", &chunk_at.to_le_bytes()),
@@ -334,11 +342,16 @@ fn stream() -> Vec<Vec<u8>> {
     let configure = r#"{"type":"configure","robot":"r","model":"m","mode":"sampled","interval_ms":200,"sure_interval_ms":2000,"filter":{"trust":2.0},"deadline_ms":5,"top":3}"#;
     let query = r#"{"robot":"r","mode":"lossless","filter":true,"session":"a","last_seq":7}"#;
     let header = [b"RSF1\x01\0\0\0".as_slice(), &7u64.to_le_bytes(), &9u64.to_le_bytes(), b"P5"].concat();
+    let ranges = (1..40).map(|range| Some(range as f32 / 8.0)).collect();
+    let scan = LaserScan { angle_min: -1.5, angle_increment: 0.08, range_max: 4.0, ranges };
+    let odometry = Some(Odometry { x: 1.0, y: 2.0, heading: 0.5 });
+    let sensed = Beside { captured_at_ns: Some(9), odometry, scan: Some(&scan) }.message(7, b"P5");
     let numbers = [4.0, 3.0, 2.0, 1.0, 0.1, 0.5, 0.2, 0.0, 0.9, 0.1, -5.0, f64::NAN, 1e300];
     vec![
         configure.as_bytes().to_vec(),
         query.as_bytes().to_vec(),
         header,
+        sensed,
         numbers.iter().flat_map(|number: &f64| number.to_le_bytes()).collect(),
     ]
 }

@@ -59,7 +59,7 @@ mod tests {
         };
         assert_eq!(sweep(&topic, &message), Ok(expected));
         assert_eq!(sweep(&topic, &message[..message.len() - 1]), Err(MessageError::Short));
-        message[44..48].copy_from_slice(&u32::MAX.to_le_bytes());
+        message[48..52].copy_from_slice(&u32::MAX.to_le_bytes());
         assert!(sweep(&topic, &message).is_err());
         let other = Topic { type_name: "sensor_msgs/Image".to_owned(), ..topic };
         assert!(matches!(sweep(&other, &message), Err(MessageError::Type(_))));

@@ -2,7 +2,7 @@
 //!
 //! `tests/recordings/matrix.py` writes them, `make test-python` runs both.
 
-use roomsight_recording::message::{Picture, located, stamp_ns, text};
+use roomsight_recording::message::{Picture, Sweep, located, stamp_ns, sweep, text};
 use roomsight_recording::{Message, Recording, Topic};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -50,6 +50,9 @@ fn told(recording: &Recording, message: &Message) -> Value {
             })
         };
         told["poses"] = located(topic, &bytes).unwrap().iter().map(pose).collect();
+    } else if let Ok(Sweep { angle_min, angle_increment, range_max, ranges }) = sweep(topic, &bytes) {
+        told["scan"] =
+            json!({"start": angle_min, "step": angle_increment, "longest": range_max, "ranges": ranges});
     } else if let Ok(text) = text(topic, &bytes) {
         told["text"] = json!(text);
     }

@@ -3,7 +3,7 @@
     matrix.py FOLDER
 
 A recording is a file or a folder; `NAME.json` beside it says which messages it holds: their topics, types, times, and of
-pictures the file or the pixels that they show, of poses where they are, of texts what they say. Needs rosbags, mcap,
+pictures the file or the pixels that they show, of poses where they are, of scans the ranges, of texts what they say. Needs rosbags, mcap,
 foxglove-schemas-protobuf and numpy.
 """
 
@@ -145,6 +145,14 @@ def messages(store, short: bool):
         transforms = types["tf2_msgs/msg/TFMessage"](transforms=[moved("odom"), moved("laser")])
         yield "/tf", transforms, ns + 5, {
             "stamp": ns, "poses": [{"frame": "map", "child": child, **at} for child in ("odom", "laser")]
+        }  # fmt: skip
+        ranges = np.arange(1, 182, dtype=np.float32) / 16 + number
+        scan = types["sensor_msgs/msg/LaserScan"](
+            header=header(ns, "laser"), angle_min=-1.5, angle_max=1.5, angle_increment=0.0625, time_increment=0.0, scan_time=0.1,
+            range_min=0.125, range_max=30.0, ranges=ranges, intensities=np.zeros(number, np.float32),
+        )  # fmt: skip
+        yield "/scan", scan, ns + 7, {
+            "stamp": ns, "scan": {"start": -1.5, "step": 0.0625, "longest": 30.0, "ranges": ranges.tolist()}
         }  # fmt: skip
         text = types["std_msgs/msg/String"](data=f"room {number // 6}")
         yield "/room", text, ns + 6, {"text": f"room {number // 6}"}
