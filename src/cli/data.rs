@@ -127,7 +127,10 @@ impl DataArgs {
         }
         let n_without = dataset.frames.iter().filter(|frame| frame.scan.is_none()).count();
         if self.laser && n_without > 0 && dataset.described_projection().is_none() {
-            note!("note: frames without a scan of the laser beside them: {n_without} of {}", dataset.frames.len());
+            note!(
+                "note: frames without a scan of the laser beside them: {n_without} of {}",
+                dataset.frames.len()
+            );
         }
         self.choose(dataset, model)
     }

@@ -13,6 +13,7 @@
 //! nothing sensible can be made of the whole, a [`DatasetError`]. One name is one room: names are compared as
 //! [`Dataset::check`] says.
 
+mod by_time;
 pub mod cold;
 mod describe;
 mod drives;

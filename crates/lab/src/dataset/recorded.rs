@@ -14,7 +14,7 @@ mod taking;
 
 pub use taking::{Clock, Taking};
 
-use super::senses::{ByTime, ScanSource};
+use super::by_time::ByTime;
 use super::{Dataset, DatasetError, Format, Frame, Problem, files};
 use crate::cold_layout::tdf::Timed;
 use labels::RoomTrack;
@@ -188,7 +188,7 @@ fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Re
             time: Some(time_ns as f64 / SECOND),
             pose,
             odometry: odometry.as_ref().and_then(|odometry| odometry.at(at_ns)),
-            scan: scans.at(at_ns as f64 / SECOND).cloned(),
+            scan: scans.at(at_ns as f64 / SECOND).cloned().map(Into::into),
             recorded: Some(RecordedMessage { recording: recording.clone(), message }),
         };
         if frame.room.is_empty() { dataset.unlabeled.push(frame) } else { dataset.frames.push(frame) }
@@ -204,7 +204,7 @@ fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Re
 }
 
 /// Where the scans are that lie beside pictures; none where they are not wanted.
-fn scans(recording: &Arc<Recording>, taking: &Taking) -> Result<ByTime<ScanSource>, DatasetError> {
+fn scans(recording: &Arc<Recording>, taking: &Taking) -> Result<ByTime<RecordedMessage>, DatasetError> {
     if !taking.laser {
         return Ok(ByTime::new(Vec::new()));
     }
@@ -219,8 +219,7 @@ fn scans(recording: &Arc<Recording>, taking: &Taking) -> Result<ByTime<ScanSourc
         recording.messages(&[topic_idx]).map_err(|error| unusable(recording, error.to_string()))?;
     let source = |message: Message| {
         let time = message.time_ns as f64 / SECOND;
-        let message = RecordedMessage { recording: Arc::clone(recording), message };
-        Timed { time, what: ScanSource::Recorded(message) }
+        Timed { time, what: RecordedMessage { recording: Arc::clone(recording), message } }
     };
     Ok(ByTime::new(messages.into_iter().map(source).collect()))
 }

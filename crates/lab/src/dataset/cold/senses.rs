@@ -2,7 +2,8 @@
 
 use crate::cold_layout::tdf::{self, Timed};
 use crate::cold_layout::{ODOMETRY_FILE, SCAN_FILE, SENSES_FOLDER};
-use crate::dataset::senses::{ByTime, ScanSource};
+use crate::dataset::by_time::ByTime;
+use crate::dataset::senses::ScanSource;
 use crate::dataset::{Dataset, Pose, Taking, files};
 use std::path::Path;
 use std::sync::Arc;
