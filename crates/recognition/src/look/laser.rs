@@ -189,6 +189,15 @@ mod tests {
         assert!(LaserShape::default().describe(&covered).is_empty());
     }
 
+    #[test]
+    fn beams_that_end_where_they_begin_give_numbers() {
+        for range in [1e-45, 1e-30, 1e-10, 1e-3] {
+            let scan = Scan::new(-PI / 2.0, PI / 180.0, 8.0, vec![range; 181]).unwrap();
+            let numbers = LaserShape::default().describe(&scan);
+            assert!(!numbers.is_empty() && numbers.iter().all(|number| number.is_finite()), "{range}");
+        }
+    }
+
     proptest! {
         #[test]
         fn any_scan_is_described_by_finite_numbers_of_length_1(

@@ -22,7 +22,9 @@ impl LaserShape {
     pub(super) fn numbers(&self, ranges: &[f32]) -> Vec<f32> {
         let mut numbers = self.of_beams(ranges);
         numbers.extend(self.of_polygon(ranges));
-        numbers.iter_mut().for_each(|number| *number = number.clamp(0.0, 1.0));
+        // Of beams that end where they begin, some are no numbers.
+        let in_range = |number: &mut f32| *number = if *number > 0.0 { number.min(1.0) } else { 0.0 };
+        numbers.iter_mut().for_each(in_range);
         numbers
     }
 
