@@ -38,6 +38,7 @@ use roomsight_vision::camera::CameraKind;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use vector::Vector;
+use whole::WholeConfig;
 
 /// A training frame by its number, as an opinion finds it.
 #[derive(Clone, Debug, PartialEq)]

@@ -40,11 +40,7 @@ pub(super) fn read(frame: &Frame, model: &Model, limits: &Limits) -> anyhow::Res
 
 /// Reads the scan beside a picture, where a model looks at such.
 pub(super) fn scan(frame: &Frame, model: &Model) -> anyhow::Result<Option<Arc<Scan>>> {
-    let scan = frame.read_scan().map_err(|problem| anyhow::anyhow!("{problem}"))?;
-    if let Some(scan) = &scan {
-        model.extractor().check_scan(scan).with_context(|| frame.path.display().to_string())?;
-    }
-    Ok(scan)
+    frame.read_scan_for(model.extractor()).map_err(|problem| anyhow::anyhow!("{problem}"))
 }
 
 /// The topics that are written.

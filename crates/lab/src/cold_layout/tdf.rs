@@ -64,7 +64,7 @@ pub fn read_scan(line: &str) -> Result<Timed<Scan>, String> {
 }
 
 /// The ranges of beams as the database's scanner casts them, or all around where they are a full circle of degrees or parts of them.
-pub(crate) fn scan(ranges: Vec<f32>) -> Result<Scan, ScanError> {
+fn scan(ranges: Vec<f32>) -> Result<Scan, ScanError> {
     let n_beams = ranges.len();
     let is_circle = n_beams > 0 && n_beams.is_multiple_of(360);
     let (start, step) = if is_circle {

@@ -58,12 +58,7 @@ impl Dataset {
                 }
                 let described = frame.read_encoded(limits).and_then(|bytes| {
                     let image = extractor.decode(&bytes, limits).map_err(|error| frame.undecoded(&error))?;
-                    let scan = frame.read_scan()?;
-                    if let Some(scan) = &scan {
-                        extractor
-                            .check_scan(scan)
-                            .map_err(|error| Problem::new(&frame.path, error.to_string()))?;
-                    }
+                    let scan = frame.read_scan_for(extractor)?;
                     let seen = model::Frame { image: &image, scan: scan.as_deref() };
                     let features = extractor.extract(seen, scratch);
                     let (room, sequence) = (frame.room.clone(), frame.sequence.clone());

@@ -1,8 +1,8 @@
 //! What a robot senses beside pictures: the scans of its laser and its odometry.
 
-use super::{Dataset, Frame, Pose, RecordedMessage};
+use super::{Dataset, Frame, Pose, Problem, RecordedMessage};
 use roomsight_recognition::filter::{Interval, Motion};
-use roomsight_recognition::model::{LaserShape, Scan};
+use roomsight_recognition::model::{Extractor, LaserShape, Scan};
 use std::sync::Arc;
 
 /// Scans that are read to know how much of the surroundings the laser shows.
@@ -45,6 +45,16 @@ impl Frame {
     pub fn interval_to(&self, next: &Self) -> Option<Interval> {
         let motion = self.odometry.zip(next.odometry).and_then(|(from, to)| Motion::between(&from, &to));
         Some(Interval { seconds: self.seconds_to(next)?, motion })
+    }
+
+    /// Reads what the laser measured beside it, for an extractor that may look at that; none where there is none, or it is not
+    /// taken.
+    pub fn read_scan_for(&self, extractor: &Extractor) -> Result<Option<Arc<Scan>>, Problem> {
+        let scan = self.read_scan()?;
+        match scan.as_ref().map(|scan| extractor.check_scan(scan)) {
+            Some(Err(error)) => Err(Problem::new(&self.path, error.to_string())),
+            _ => Ok(scan),
+        }
     }
 
     /// The way to `next` in meters, by odometry or else by where the frames were taken; `None` where neither tells it.

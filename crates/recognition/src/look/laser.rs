@@ -74,10 +74,9 @@ impl LaserShape {
     /// What a scan shows: [`LaserShape::N_DIMENSIONS`] numbers of length 1 together; none where it is not covered, or hardly a
     /// beam met anything.
     pub fn describe(&self, scan: &Scan) -> Vec<f32> {
-        if !self.is_covered_by(scan) {
-            return Vec::new();
-        }
-        let ranges: Vec<Option<f32>> = self.angles().map(|angle| scan.range_at(angle)).collect();
+        let beams = self.angles().map(|angle| scan.beam_at(angle)).collect::<Option<Vec<usize>>>();
+        let Some(beams) = beams else { return Vec::new() };
+        let ranges: Vec<Option<f32>> = beams.into_iter().map(|beam| scan.range_of(beam)).collect();
         let n_echoes = ranges.iter().flatten().count();
         if (n_echoes as f32) < FEWEST_ECHOES * N_BEAMS as f32 {
             return Vec::new();
@@ -106,10 +105,14 @@ impl LaserShape {
 
     /// The directions that are looked at, in radians.
     fn angles(&self) -> impl Iterator<Item = f32> {
-        let field = self.field_degrees.to_radians();
+        (0..N_BEAMS).map(|beam| self.angle(beam))
+    }
+
+    /// That of one of [`N_BEAMS`].
+    fn angle(&self, beam: usize) -> f32 {
         // All around, the last beam is not the first once more.
         let n_steps = if self.field_degrees >= 360.0 { N_BEAMS } else { N_BEAMS - 1 };
-        (0..N_BEAMS).map(move |beam| (beam as f32 / n_steps as f32 - 0.5) * field)
+        (beam as f32 / n_steps as f32 - 0.5) * self.field_degrees.to_radians()
     }
 }
 

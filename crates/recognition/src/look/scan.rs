@@ -120,9 +120,9 @@ impl Scan {
         &self.ranges
     }
 
-    /// What the beam nearest to this angle measured, in radians; `None` where it met nothing.
-    pub(crate) fn range_at(&self, angle: f32) -> Option<f32> {
-        Some(self.ranges[self.beam_at(angle)?]).filter(|range| range.is_finite())
+    /// What a beam measured, in meters; `None` where it met nothing.
+    pub(crate) fn range_of(&self, beam: usize) -> Option<f32> {
+        Some(self.ranges[beam]).filter(|range| range.is_finite())
     }
 
     /// The beam nearest to an angle, if one is within a step of it.
@@ -183,7 +183,8 @@ mod tests {
         let mut ranges = vec![2.0; 20];
         ranges[..5].copy_from_slice(&[f32::NAN, f32::INFINITY, 0.0, -1.0, 8.0]);
         let scan = Scan::new(0.0, 0.1, 8.0, ranges).unwrap();
-        let found: Vec<Option<f32>> = (0..6).map(|idx| scan.range_at(idx as f32 * 0.1)).collect();
+        let found: Vec<Option<f32>> =
+            (0..6).map(|idx| scan.range_of(scan.beam_at(idx as f32 * 0.1).unwrap())).collect();
         assert_eq!(found, [None, None, None, None, None, Some(2.0)]);
         let written = serde_json::to_string(&scan).unwrap();
         assert!(written.contains("null,2.0"), "{written}");

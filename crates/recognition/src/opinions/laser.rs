@@ -1,12 +1,10 @@
 //! Machines over the shape of the space around, as a laser measures it.
 
-use crate::classify::svm;
 use crate::look::laser::LaserShape;
-use crate::look::lens::Lens;
 use crate::look::sight::Sight;
+use crate::opinions::Tries;
 use crate::opinions::calibration::Way;
-use crate::opinions::whole::{WHOLE_SIGNS, Whole, WholeConfig};
-use crate::opinions::{Sign, Tries};
+use crate::opinions::whole::{Whole, WholeConfig};
 use serde::{Deserialize, Serialize};
 
 /// Support vector machines with the linear kernel, one a room, over the features of a scan. Frames without a scan, or
@@ -17,7 +15,7 @@ use serde::{Deserialize, Serialize};
 pub struct LaserConfig {
     /// How scans are described.
     pub shape: LaserShape,
-    /// The cost C of an error of the machines, see [`svm::Config::c`].
+    /// The cost C of an error of the machines, see [`svm::Config::c`](crate::classify::svm::Config::c).
     pub c: f64,
 }
 
@@ -32,18 +30,6 @@ impl LaserConfig {
         Sight::Laser(self.shape)
     }
 
-    pub(crate) fn lens_mut(&mut self) -> Option<&mut Lens> {
-        None
-    }
-
-    pub(crate) fn check(&self) -> Result<(), String> {
-        self.machines().check().map_err(|error| error.to_string())
-    }
-
-    pub(crate) fn is_random(&self) -> bool {
-        false
-    }
-
     pub(crate) fn tries(&self) -> Vec<Tries> {
         vec![Tries { parameter: "c", values: &["3", "30", "300"] }]
     }
@@ -51,19 +37,11 @@ impl LaserConfig {
     pub(crate) fn way(&self) -> Way {
         Way::Softmax { prior_slope: 1.5 }
     }
-
-    pub(crate) fn prior_weight(&self) -> f64 {
-        1.0
-    }
-
-    pub(crate) fn signs(&self) -> &'static [Sign] {
-        &WHOLE_SIGNS
-    }
 }
 
 impl WholeConfig for LaserConfig {
-    fn machines(&self) -> svm::Config {
-        svm::Config { c: self.c, ..svm::Config::default() }
+    fn c(&self) -> f64 {
+        self.c
     }
 }
 

@@ -1,11 +1,9 @@
 //! Machines over the local binary patterns of the whole frame.
 
-use crate::classify::svm;
-use crate::look::lens::Lens;
 use crate::look::sight::Sight;
+use crate::opinions::Tries;
 use crate::opinions::calibration::Way;
-use crate::opinions::whole::{WHOLE_SIGNS, Whole, WholeConfig};
-use crate::opinions::{Sign, Tries};
+use crate::opinions::whole::{Whole, WholeConfig};
 use roomsight_vision::describe::FrameLbp;
 use serde::{Deserialize, Serialize};
 
@@ -16,7 +14,7 @@ use serde::{Deserialize, Serialize};
 pub struct PatternsConfig {
     /// The histograms.
     pub histograms: FrameLbp,
-    /// The cost C of an error of the machines, see [`svm::Config::c`].
+    /// The cost C of an error of the machines, see [`svm::Config::c`](crate::classify::svm::Config::c).
     pub c: f64,
 }
 
@@ -31,18 +29,6 @@ impl PatternsConfig {
         Sight::Patterns(self.histograms.clone())
     }
 
-    pub(crate) fn lens_mut(&mut self) -> Option<&mut Lens> {
-        None
-    }
-
-    pub(crate) fn check(&self) -> Result<(), String> {
-        self.machines().check().map_err(|error| error.to_string())
-    }
-
-    pub(crate) fn is_random(&self) -> bool {
-        false
-    }
-
     pub(crate) fn tries(&self) -> Vec<Tries> {
         vec![Tries { parameter: "c", values: &["1", "10", "100"] }]
     }
@@ -50,19 +36,11 @@ impl PatternsConfig {
     pub(crate) fn way(&self) -> Way {
         Way::Softmax { prior_slope: 1.5 }
     }
-
-    pub(crate) fn prior_weight(&self) -> f64 {
-        1.0
-    }
-
-    pub(crate) fn signs(&self) -> &'static [Sign] {
-        &WHOLE_SIGNS
-    }
 }
 
 impl WholeConfig for PatternsConfig {
-    fn machines(&self) -> svm::Config {
-        svm::Config { c: self.c, ..svm::Config::default() }
+    fn c(&self) -> f64 {
+        self.c
     }
 }
 

@@ -4,6 +4,7 @@ use crate::classify::svm;
 use crate::classify::svm::LinearSvm;
 use crate::file::arrays::{Array, Arrays};
 use crate::file::error::FormatError;
+use crate::look::lens::Lens;
 use crate::look::sight::Seen;
 use crate::opinions::error::{AddError, TrainError};
 use crate::opinions::kept::KeptRows;
@@ -13,8 +14,35 @@ use roomsight_vision::matrix::Matrix;
 
 /// How linear machines over what is seen of the whole frame are trained.
 pub(crate) trait WholeConfig: Clone {
+    /// The cost of an error of its machines.
+    fn c(&self) -> f64;
+
+    /// The network that it looks through, if it does, to be linked.
+    fn lens_mut(&mut self) -> Option<&mut Lens> {
+        None
+    }
+
     /// How its machines are trained.
-    fn machines(&self) -> svm::Config;
+    fn machines(&self) -> svm::Config {
+        svm::Config { c: self.c(), ..svm::Config::default() }
+    }
+
+    /// What is wrong with the parameters beside those of its sight, if anything.
+    fn check(&self) -> Result<(), String> {
+        self.machines().check().map_err(|error| error.to_string())
+    }
+
+    fn is_random(&self) -> bool {
+        false
+    }
+
+    fn prior_weight(&self) -> f64 {
+        1.0
+    }
+
+    fn signs(&self) -> &'static [Sign] {
+        &WHOLE_SIGNS
+    }
 }
 
 /// The machines, and the rows that they were trained on.
@@ -26,7 +54,7 @@ pub(crate) struct Whole<C> {
 }
 
 /// What an answer tells of how familiar a frame is: beside the decision values, the cosine to the nearest row.
-pub(crate) const WHOLE_SIGNS: [Sign; 3] =
+const WHOLE_SIGNS: [Sign; 3] =
     [MACHINE_SIGNS[0], MACHINE_SIGNS[1], Sign { name: "nearest", prior_weight: 0.5 }];
 
 impl<C: WholeConfig> Whole<C> {

@@ -2,32 +2,50 @@
 
 use super::*;
 
-#[test]
-fn a_laser_measures_how_far_the_walls_are() {
-    let simulation = any();
-    let Plan { rooms, .. } = simulation.scene.plan();
-    for frame_idx in (0..simulation.n_frames()).step_by(37) {
-        let Pose { x, y, .. } = simulation.pose(frame_idx);
-        let room = rooms.iter().find(|room| room.rect.contains(x, y)).unwrap();
-        let [width, depth] = room.rect.size();
-        let ranges: Vec<f32> = simulation.scan(frame_idx).into_iter().flatten().collect();
-        assert!(ranges.len() > 170, "{} beams come back", ranges.len());
-        let nearest = ranges.iter().copied().fold(f32::INFINITY, f32::min);
-        assert!(nearest < width.hypot(depth), "frame {frame_idx}: {nearest} m");
-        // Nothing stands where the robot drives.
-        assert!(nearest > 0.1, "frame {frame_idx}: {nearest} m");
-    }
+/// How far it is to a wall along a direction, by the plan; infinite where there is none.
+fn to_wall(walls: &[Wall], [x, y]: [f32; 2], angle: f32) -> f32 {
+    let (sin, cos) = angle.sin_cos();
+    let meets = |Wall { from, to }: &Wall| {
+        let (along, from) = ([to[0] - from[0], to[1] - from[1]], [from[0] - x, from[1] - y]);
+        let slope = cos * along[1] - sin * along[0];
+        let distance = (from[0] * along[1] - from[1] * along[0]) / slope;
+        let share = (from[0] * sin - from[1] * cos) / slope;
+        ((0.0..=1.0).contains(&share) && distance > 0.0).then_some(distance)
+    };
+    walls.iter().filter_map(meets).fold(f32::INFINITY, f32::min)
 }
 
 #[test]
-fn light_changes_nothing_of_a_scan() {
-    let with = |illumination| {
-        let simulation = small(&spec(illumination, 1));
-        // The way differs from drive to drive: what is compared is where both begin, in the corridor.
-        simulation.scan(0).into_iter().flatten().sum::<f32>()
-    };
-    let [cloudy, night] = [Illumination::Cloudy, Illumination::Night].map(with);
-    assert!((cloudy / night - 1.0).abs() < 0.2, "{cloudy}, {night}");
+fn a_laser_measures_how_far_the_walls_are_or_what_stands_before_them() {
+    let (simulation, walls) = (any(), any().walls());
+    let (mut n_beams, mut n_at_wall, mut n_beyond) = (0, 0, 0);
+    for frame_idx in (0..simulation.n_frames()).step_by(37) {
+        let Pose { x, y, heading } = simulation.pose(frame_idx);
+        let origin = [x + heading.cos() * 0.15, y + heading.sin() * 0.15];
+        for (degree, range) in simulation.scan(frame_idx).into_iter().enumerate() {
+            let Some(range) = range else { continue };
+            let angle = heading + (degree as f32 - 90.0).to_radians();
+            let wall = to_wall(&walls, origin, angle);
+            n_beams += 1;
+            n_at_wall += usize::from((range - wall).abs() < 0.2);
+            n_beyond += usize::from(range > wall + 0.2);
+        }
+    }
+    assert!(n_beams > 1000 && 5 * n_at_wall > n_beams, "{n_at_wall} of {n_beams} at walls");
+    assert!(50 * n_beyond < n_beams, "{n_beyond} of {n_beams} beyond walls");
+}
+
+#[test]
+fn at_a_stop_scans_differ_by_noise_alone() {
+    let stopping = small(&SequenceSpec { has_stops: true, ..spec(Illumination::Cloudy, 1) });
+    let stands = |idx: &usize| stopping.pose(*idx) == stopping.pose(idx + 1);
+    let idx = (0..stopping.n_frames() - 1).find(stands).unwrap();
+    let [one, other] = [idx, idx + 1].map(|idx| stopping.scan(idx));
+    assert_eq!(one, stopping.scan(idx));
+    assert_ne!(one, other);
+    let both = one.into_iter().zip(other).filter_map(|(one, other)| Some((one?, other?)));
+    assert!(both.clone().count() > 160);
+    assert!(both.into_iter().all(|(one, other)| (one - other).abs() < 0.12));
 }
 
 fn far(from: Pose, to: Pose) -> f32 {

@@ -142,7 +142,7 @@ impl LaserShape {
 
     /// Where a beam ends, in meters, ahead being the first axis.
     fn end(&self, beam: usize, range: f32) -> [f32; 2] {
-        let angle = self.angles().nth(beam).unwrap_or_default();
+        let angle = self.angle(beam);
         [range * angle.cos(), range * angle.sin()]
     }
 }
@@ -202,7 +202,8 @@ mod tests {
     fn polygons_of_known_rooms_have_the_known_numbers() {
         let shape = LaserShape { field_degrees: 360.0, max_range: 20.0 };
         let scan = in_room([3.0, 3.0, 3.0, 3.0], -PI, 3601);
-        let ranges: Vec<f32> = shape.angles().map(|angle| scan.range_at(angle).unwrap()).collect();
+        let ranges: Vec<f32> =
+            shape.angles().map(|angle| scan.range_of(scan.beam_at(angle).unwrap()).unwrap()).collect();
         assert_eq!(shape.numbers(&ranges).len(), N_NUMBERS);
         let numbers = shape.of_polygon(&ranges);
         let square = |share: f32, scale: f32| share * share * scale;
