@@ -3,6 +3,7 @@
 //! Exit codes: 0 done, 1 failed (the reason is on standard error), 2 a wrong command line,
 //! 3 a gate of `train` or `replay` failed, 130 interrupted.
 
+mod answering;
 mod check;
 mod contact_sheet;
 mod data;
@@ -24,6 +25,8 @@ mod output;
 mod progress_lines;
 mod recognize;
 mod replay;
+#[cfg(feature = "ros")]
+mod ros;
 mod serve;
 mod service;
 mod shell;
@@ -77,6 +80,8 @@ enum Command {
     Models(models::ModelsArgs),
     Replay(replay::ReplayArgs),
     Stream(stream::StreamArgs),
+    #[cfg(feature = "ros")]
+    Ros(Box<ros::RosArgs>),
     Data(data_directory::DataDirectoryArgs),
     Key(key::KeyArgs),
     Health(health::HealthArgs),
@@ -137,6 +142,8 @@ fn run(command: Command) -> anyhow::Result<()> {
         Command::Models(args) => models::run(&args),
         Command::Replay(args) => replay::run(&args),
         Command::Stream(args) => stream::run(&args),
+        #[cfg(feature = "ros")]
+        Command::Ros(args) => ros::run(&args),
         Command::Data(args) => data_directory::run(&args),
         Command::Key(args) => key::run(&args),
         Command::Health(args) => health::run(&args),

@@ -3,8 +3,14 @@
 use anyhow::Context;
 use clap::Args;
 use roomsight_client::Client;
+use roomsight_protocol::header::Odometry;
+use roomsight_protocol::scan::LaserScan;
+use roomsight_recognition::model::{Pose, Scan};
 use std::fs;
 use std::path::PathBuf;
+
+/// The address of a service where none is given.
+pub(super) const DEFAULT_URL: &str = "http://127.0.0.1:8080";
 
 /// What a service asks of its callers.
 #[derive(Args)]
@@ -25,4 +31,20 @@ impl ServiceArgs {
         let authorities = fs::read(path).with_context(|| format!("{} cannot be read", path.display()))?;
         Ok(Client::believing(url, key, &authorities)?)
     }
+}
+
+/// A scan as it is sent.
+pub(super) fn sent_scan(scan: &Scan) -> LaserScan {
+    let ranges = scan.ranges().iter().map(|range| Some(*range).filter(|range| range.is_finite()));
+    LaserScan {
+        angle_min: scan.start(),
+        angle_increment: scan.step(),
+        range_max: scan.max_range(),
+        ranges: ranges.collect(),
+    }
+}
+
+/// Odometry as it is sent.
+pub(super) fn sent_odometry(Pose { x, y, angle }: Pose) -> Odometry {
+    Odometry { x, y, heading: angle }
 }

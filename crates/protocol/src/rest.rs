@@ -135,6 +135,19 @@ pub enum Unknown {
     Covered,
 }
 
+impl Unknown {
+    /// As JSON has it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Unsure => "unsure",
+            Self::NewPlace => "new_place",
+            Self::NoDetail => "no_detail",
+            Self::Dark => "dark",
+            Self::Covered => "covered",
+        }
+    }
+}
+
 fn is_zero(number: &usize) -> bool {
     *number == 0
 }

@@ -1,9 +1,9 @@
 //! The encoded frames that robots send: in memory as far as a bound allows, else read ahead of their time.
 
 use super::schedule::Schedule;
+use crate::cli::service;
 use roomsight_lab::dataset::{Frame, Problem};
 use roomsight_protocol::scan::LaserScan;
-use roomsight_recognition::model::Scan;
 use roomsight_vision::image::Limits;
 use std::sync::Arc;
 use std::time::Duration;
@@ -90,17 +90,6 @@ impl Frames {
 
 fn read(frame: &Frame) -> Result<Loaded, Problem> {
     let image = frame.read_encoded(&Limits::default())?.into();
-    let scan = frame.read_scan()?.map(|scan| Arc::new(told(&scan)));
+    let scan = frame.read_scan()?.map(|scan| Arc::new(service::sent_scan(&scan)));
     Ok(Loaded { image, scan })
-}
-
-/// A scan as it is sent.
-fn told(scan: &Scan) -> LaserScan {
-    let ranges = scan.ranges().iter().map(|range| Some(*range).filter(|range| range.is_finite()));
-    LaserScan {
-        angle_min: scan.start(),
-        angle_increment: scan.step(),
-        range_max: scan.max_range(),
-        ranges: ranges.collect(),
-    }
 }

@@ -2,11 +2,11 @@
 
 use super::frames::{Frames, Loaded, Ready};
 use super::tally::{Tally, Told};
+use crate::cli::service;
 use roomsight_client::{Client, ClientError, Stream};
-use roomsight_protocol::header::{Beside, Odometry};
+use roomsight_protocol::header::Beside;
 use roomsight_protocol::rest::{Answer, ProblemBody, RecognizeQuery};
 use roomsight_protocol::stream::{Filtered, Hello, Mode, ServerMessage};
-use roomsight_recognition::model::Pose;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime};
@@ -92,7 +92,7 @@ impl Drive {
         let odometry = self.frames.get(shot.frame_idx).odometry;
         Beside {
             captured_at_ns: self.captured_at_ns(shot.at),
-            odometry: odometry.map(|Pose { x, y, angle }| Odometry { x, y, heading: angle }),
+            odometry: odometry.map(service::sent_odometry),
             scan: shot.loaded.scan.as_deref(),
         }
     }

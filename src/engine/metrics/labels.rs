@@ -1,6 +1,7 @@
 //! What labels say: closed sets, so that callers cannot add to them.
 
 use crate::engine::timings::Timings;
+use crate::engine::told;
 use roomsight_protocol::stream::DropReason;
 use roomsight_recognition::model::Unknown;
 
@@ -181,14 +182,7 @@ impl SwapOutcome {
 
 /// Whether an answer is known, and why not.
 pub fn known_name(unknown: Option<Unknown>) -> &'static str {
-    match unknown {
-        None => "yes",
-        Some(Unknown::Unsure) => "unsure",
-        Some(Unknown::NewPlace) => "new_place",
-        Some(Unknown::NoDetail) => "no_detail",
-        Some(Unknown::Dark) => "dark",
-        Some(Unknown::Covered) => "covered",
-    }
+    unknown.map_or("yes", |why| told::unknown(why).name())
 }
 
 /// The name of a reason.
