@@ -23,6 +23,8 @@ PICTURES := target/pictures
 # What recordings are written with.
 RECORDERS := rosbags mcap foxglove-schemas-protobuf
 RECORDINGS := target/recordings
+# Nodes of ROS 2 that are of other programs.
+NODES := cyclonedds eclipse-zenoh
 # What networks are made with, beside numpy.
 ONNX := onnx blake3
 # A cluster, which the tests of roomsight.distributed start.
@@ -121,6 +123,7 @@ test-python: tools
 	  $(BUILD_FOR_TESTS) && ln -sf ../../../../$(or $(wildcard target/debug/lib_core.dylib),target/debug/lib_core.so) clients/python/src/roomsight/_core.abi3.so && \
 	  PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover clients/python/tests && \
 	  PYTHONPATH=clients/python/src $(VENV)/bin/python -m unittest discover ros2/roomsight_ros/test && \
+	  $(VENV)/bin/python -m unittest discover crates/ros/tests/peers && \
 	  cargo test --workspace $(FEATURES) --lib repository::bucket && \
 	  $(VENV)/bin/python crates/vision/tests/pictures/matrix.py $(PICTURES) && \
 	  ROOMSIGHT_PICTURES=$(CURDIR)/$(PICTURES) cargo test --workspace $(FEATURES) --test it pictures:: && \
@@ -140,6 +143,7 @@ test-deploy: tools ## what deploy/ holds, by the tools that take it; UPDATE=1 wr
 $(STAMP): clients/python/pyproject.toml Makefile
 	$(PYTHON) -m venv $(VENV)
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 './clients/python[test]' $(MOTO) $(PILLOW) $(ONNX) $(DASK) $(RECORDERS)
+	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(NODES) || true
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DENY) || true
 	$(VENV)/bin/pip install --quiet --disable-pip-version-check --retries 1 $(DEPLOY) $(MATURIN) || true
 	@touch $(STAMP)

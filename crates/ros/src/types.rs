@@ -230,10 +230,20 @@ message_types! {
 mod tests {
     use super::*;
 
+    /// As rosbags 0.11 hashes the definitions of Jazzy, and those in `ros2/roomsight_msgs`.
     #[test]
-    fn print() {
-        for t in [&COMPRESSED_IMAGE, &IMAGE, &LASER_SCAN, &ODOMETRY, &ROOM_ANSWER, &DIAGNOSTIC_ARRAY] {
-            println!("{} {}", t.name, t.hash());
+    fn hashes_are_those_of_ros() {
+        let hashes = [
+            (&COMPRESSED_IMAGE, "15640771531571185e2efc8a100baf923961a4d15d5569652e6cb6691e8e371a"),
+            (&IMAGE, "d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"),
+            (&LASER_SCAN, "64c191398013af96509d518dac71d5164f9382553fce5c1f8cca5be7924bd828"),
+            (&ODOMETRY, "3cc97dc7fb7502f8714462c526d369e35b603cfc34d946e3f2eda2766dfec6e0"),
+            (&ROOM_ANSWER, "cea05eda2f7a6e4b416c6891d071f9fbe8b81d0ff13a5c32797425030dcb89bb"),
+            (&DIAGNOSTIC_ARRAY, "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e"),
+        ];
+        for (message, hash) in hashes {
+            assert_eq!(message.hash(), format!("RIHS01_{hash}"), "{}", message.name);
         }
+        assert_eq!(IMAGE.dds_name(), "sensor_msgs::msg::dds_::Image_");
     }
 }
