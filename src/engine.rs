@@ -14,6 +14,7 @@
 //! | `events`, `robots` | what happens, and who is there: what dashboards are told |
 //! | `fleet` | the robots of other services |
 //! | `live`, `thumbnails` | the robots for pages that show them, and small pictures of what they see |
+//! | `recordings`, `shown` | what robots send and are told, into files; pictures as viewers of these show them |
 //! | `metrics`, `scrape` | what is counted and measured, and its text |
 //! | `history` | the last hour of it |
 //! | `aside` | work that stands aside for frames |
@@ -34,9 +35,11 @@ pub mod live;
 pub mod metrics;
 pub mod pool;
 pub mod recognize;
+pub mod recordings;
 pub mod registry;
 pub mod robots;
 pub mod scrape;
+pub mod shown;
 pub mod spans;
 pub mod streams;
 pub mod text;
@@ -56,6 +59,7 @@ use history::History;
 use live::{Live, View};
 use metrics::Metrics;
 use pool::{Pool, Size};
+use recordings::Recordings;
 use registry::{Registry, RegistryError};
 use robots::Robots;
 use roomsight_protocol::fleet::Scope;
@@ -84,6 +88,7 @@ pub struct EngineState {
     pub bodies: Arc<Bodies>,
     pub streams: Streams,
     pub robots: Robots,
+    pub recordings: Recordings,
     pub live: Live,
     pub fleet: Fleet,
     /// The same as `live`, of all services.
@@ -133,6 +138,7 @@ impl Engine {
             pool: Pool::new(Size::of(&settings)).map_err(EngineError::Threads)?,
             streams: Streams::new(&settings, body_memory.clone())?,
             robots: Robots::new(&settings, events.clone()),
+            recordings: Recordings::new(&settings),
             body_memory,
             bodies: Arc::new(bodies),
             live: Live::default(),

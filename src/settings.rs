@@ -126,6 +126,10 @@ pub struct Settings {
     pub lost_after_ms: u64,
     /// How many bytes the robots' last frames may take that dashboards show; 0: none are kept.
     pub live_frames_bytes: usize,
+    /// Where robots are recorded on request; empty: they are not.
+    pub record_folder: PathBuf,
+    /// How many bytes recordings may take together; where they do, those that run end.
+    pub record_max_bytes: u64,
     /// Addresses that are told by POST what happens to robots and models.
     pub webhooks: Vec<String>,
     /// What what is told to them is signed with; empty: it is not signed.
@@ -246,6 +250,8 @@ impl Default for Settings {
             resume_token_ms: 3_600_000,
             lost_after_ms: 10_000,
             live_frames_bytes: 32 << 20,
+            record_folder: PathBuf::new(),
+            record_max_bytes: 1 << 30,
             webhooks: Vec::new(),
             webhook_secret: Secret::default(),
             mqtt: BrokerUrl::default(),

@@ -7,6 +7,7 @@ mod recent;
 mod senses;
 
 use super::answering::AnsweringArgs;
+use super::manners::note;
 use anyhow::bail;
 use camera::{Camera, CameraTopic};
 use clap::builder::FalseyValueParser;
@@ -130,6 +131,9 @@ pub(super) fn run(args: &RosArgs) -> anyhow::Result<()> {
         bail!("of several cameras each has a name: --image front=/front/image_raw");
     }
     let answerer = args.answering.answerer()?;
+    if answerer.wants_scans() && !args.laser {
+        note!("note: the model looks at the scans of a laser too: --laser lets it");
+    }
     tokio::runtime::Runtime::new()?.block_on(async {
         let options = args.options()?;
         let session = Session::open(&options).await?;

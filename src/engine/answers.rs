@@ -71,6 +71,7 @@ pub async fn answers(
         match (&answer, &robot) {
             (Ok(answer), Some(robot)) => {
                 engine.robots.answered(robot, LastAnswer::of_frame(answer, latency_ms));
+                engine.recordings.answer(robot, answer, None);
             }
             (Err(_), Some(robot)) => robot.failed(),
             (_, None) => {}

@@ -20,7 +20,7 @@ pub fn aside<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 }
 
 /// On Linux each thread has a niceness of its own; elsewhere it is left as it is.
-fn stand_aside() {
+pub fn stand_aside() {
     #[cfg(target_os = "linux")]
     if let Err(error) = rustix::process::setpriority_process(Some(rustix::thread::gettid()), NICENESS) {
         tracing::debug!(%error, "the niceness of a thread could not be set");

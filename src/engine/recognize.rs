@@ -252,6 +252,7 @@ pub fn look(
     }
     if let Some(Shown { robot, number }) = &task.shown_for {
         engine.robots.keep(robot, *number, || frame.lasting());
+        engine.recordings.picture(robot, || frame.lasting());
     }
     let doubtable = task.sender.filter(|sender| engine.doubts.wants(sender));
     let doubtable = doubtable.map(|sender| Doubtable { sender, bytes: frame.lasting() });

@@ -108,6 +108,9 @@ pub async fn serve(app: App, listener: TcpListener, shutdown: impl Future<Output
             tracing::warn!(connections = connections.len(), "stopped before all requests were answered");
         }
     }
+    // Recordings end whole.
+    let engine = app.engine.clone();
+    let _ = tokio::task::spawn_blocking(move || engine.recordings.end_all()).await;
     // Other services are told that its robots are here no more.
     let _ = tokio::time::timeout(LAST_WORD, fleet).await;
     Ok(())

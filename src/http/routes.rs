@@ -10,6 +10,7 @@ mod metrics;
 mod models;
 mod oip;
 mod recognize;
+mod recordings;
 mod robots;
 mod service;
 mod session;
@@ -139,6 +140,9 @@ fn of_admins() -> OpenApiRouter<App> {
         .routes(routes!(trainings::begin_training))
         .routes(routes!(trainings::cancel_training))
         .routes(routes!(trainings::publish_training))
+        .routes(routes!(recordings::begin_recording, recordings::end_recording))
+        .routes(routes!(recordings::list_recordings))
+        .routes(routes!(recordings::show_recording, recordings::remove_recording))
         .routes(routes!(keys::list_keys, keys::make_key))
         .routes(routes!(keys::revoke_key))
         .merge(oip::admins())

@@ -91,6 +91,8 @@ pub enum Deed {
     LabelFrames,
     /// Frames of the inbox were thrown away.
     DiscardFrames,
+    /// A robot was recorded.
+    Record,
     /// Other things follow from labels by themselves.
     Policy,
 }

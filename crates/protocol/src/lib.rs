@@ -10,6 +10,7 @@
 //! | [`inbox`] | frames that the model doubted, and what people say of them |
 //! | [`training`] | trainings that the service runs |
 //! | [`audit`] | who changed what |
+//! | [`recording`] | recordings of what robots send |
 //! | [`event`] | what dashboards are told of robots and of what happens |
 //! | [`fleet`] | what services tell each other |
 //! | [`service`] | what they are told of the service itself |
@@ -28,6 +29,7 @@ pub mod inbox;
 pub mod map;
 pub mod object;
 pub mod oip;
+pub mod recording;
 pub mod rest;
 pub mod scan;
 pub mod service;

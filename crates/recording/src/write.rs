@@ -1,12 +1,18 @@
 //! Recordings of JSON messages, for those who look at what was recorded, such as Foxglove.
 
+pub mod schema;
+
 use mcap::records::MessageHeader;
-use mcap::{McapError, McapResult, WriteOptions, Writer};
+use mcap::{McapError, WriteOptions, Writer};
+
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::Path;
+
+/// What writing comes to.
+pub type RecordingResult<T> = mcap::McapResult<T>;
 
 /// Bytes of a chunk before it is packed.
 const CHUNK_BYTES: u64 = 4 << 20;
@@ -26,7 +32,7 @@ impl JsonRecording {
     ///
     /// # Errors
     /// What the system says.
-    pub fn create(path: &Path) -> McapResult<Self> {
+    pub fn create(path: &Path) -> RecordingResult<Self> {
         let options = WriteOptions::new()
             .library(concat!("roomsight ", env!("CARGO_PKG_VERSION")))
             .chunk_size(Some(CHUNK_BYTES))
@@ -44,7 +50,7 @@ impl JsonRecording {
         topic: &str,
         type_name: &str,
         schema: &serde_json::Value,
-    ) -> McapResult<Channel> {
+    ) -> RecordingResult<Channel> {
         let schema = self.writer.add_schema(type_name, "jsonschema", schema.to_string().as_bytes())?;
         Ok(Channel(self.writer.add_channel(schema, topic, "json", &BTreeMap::new())?))
     }
@@ -53,7 +59,7 @@ impl JsonRecording {
     ///
     /// # Errors
     /// What the system says.
-    pub fn write(&mut self, channel: Channel, time_ns: u64, message: &impl Serialize) -> McapResult<()> {
+    pub fn write(&mut self, channel: Channel, time_ns: u64, message: &impl Serialize) -> RecordingResult<()> {
         let n_written = self.n_written.entry(channel.0).or_default();
         let header = MessageHeader {
             channel_id: channel.0,
@@ -70,7 +76,7 @@ impl JsonRecording {
     ///
     /// # Errors
     /// What the system says.
-    pub fn finish(mut self) -> McapResult<()> {
+    pub fn finish(mut self) -> RecordingResult<()> {
         self.writer.finish().map(drop)
     }
 }

@@ -32,6 +32,7 @@ export const text = {
     wrong: "Said that an answer was wrong",
     label_frames: "Labeled frames",
     discard_frames: "Discarded frames",
+    record: "Recorded a robot",
     policy: "Changed the policy",
   } as Record<string, string>,
 };

@@ -50,6 +50,12 @@ impl AnsweringArgs {
 }
 
 impl Answerer {
+    /// Whether it is known to look at the scans of lasers.
+    #[cfg(feature = "ros")]
+    pub(in crate::cli) fn wants_scans(&self) -> bool {
+        matches!(self, Self::Model(loaded) if loaded.model.wants_scans())
+    }
+
     /// For one camera, which a service calls so; single pictures are trusted so far, or as by default.
     ///
     /// # Errors

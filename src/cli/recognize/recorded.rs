@@ -3,25 +3,19 @@
 use super::Asked;
 use crate::cli::manners::note;
 use crate::cli::output::{self, say};
-use crate::engine::thumbnails::thumbnail;
+use crate::engine::shown::{Shown, shown};
 use anyhow::{Context, bail};
-use base64::Engine;
-use base64::prelude::BASE64_STANDARD;
 use rayon::prelude::*;
 use roomsight_lab::dataset::{Frame, RecordedMessage};
 use roomsight_recognition::filter::{RoomFilter, Trust};
 use roomsight_recognition::model::{self, Features, Model, Recognition, Scan, Scratch};
 use roomsight_recording::message::Picture;
-use roomsight_recording::write::{Channel, JsonRecording};
+use roomsight_recording::write::{Channel, JsonRecording, schema};
 use roomsight_vision::image::{Image, Limits};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
-
-/// How files begin that Foxglove shows as they are: JPEG, PNG and WebP.
-const SHOWN: [(&[u8], &str); 3] =
-    [(b"\xff\xd8\xff", "jpeg"), (b"\x89PNG\r\n\x1a\n", "png"), (b"RIFF", "webp")];
 
 /// Pictures that are answered at one time.
 const N_AT_ONCE: usize = 64;
@@ -53,44 +47,31 @@ struct Topics {
 
 impl Topics {
     fn new(file: &mut JsonRecording, pictures: &str, rooms: &[String]) -> anyhow::Result<Self> {
-        let time = json!({"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}});
-        let number = json!({"type": "number"});
-        let text = json!({"type": "string"});
-        let object = |properties: Value| json!({"type": "object", "properties": properties});
-        let list = |items: &Value| json!({"type": "array", "items": items});
-        let picture = object(json!({
-            "timestamp": time, "frame_id": text, "format": text,
-            "data": {"type": "string", "contentEncoding": "base64"},
-        }));
-        let point = object(json!({"x": number, "y": number}));
-        let color = object(json!({"r": number, "g": number, "b": number, "a": number}));
-        let annotations = object(json!({
-            "circles": list(&object(json!({}))),
-            "points": list(&object(json!({
-                "timestamp": time, "type": {"type": "integer"}, "points": list(&point), "outline_color": color,
-                "outline_colors": list(&color), "fill_color": color, "thickness": number,
+        let (number, text) = (schema::number(), schema::text());
+        let point = schema::object(&json!({"x": number, "y": number}));
+        let color = schema::object(&json!({"r": number, "g": number, "b": number, "a": number}));
+        let annotations = schema::object(&json!({
+            "circles": schema::list(&schema::object(&json!({}))),
+            "points": schema::list(&schema::object(&json!({
+                "timestamp": schema::time(), "type": {"type": "integer"}, "points": schema::list(&point), "outline_color": color,
+                "outline_colors": schema::list(&color), "fill_color": color, "thickness": number,
             }))),
-            "texts": list(&object(json!({
-                "timestamp": time, "position": point, "text": text, "font_size": number, "text_color": color,
+            "texts": schema::list(&schema::object(&json!({
+                "timestamp": schema::time(), "position": point, "text": text, "font_size": number, "text_color": color,
                 "background_color": color,
             }))),
         }));
-        let flag = json!({"type": "boolean"});
-        let answer = object(json!({
-            "timestamp": time, "frame_id": text, "room": text, "probability": number, "known": flag, "unknown": text,
-            "novelty": number, "keypoints": number, "filtered_room": text, "filtered_probability": number,
-            "filtered_known": flag, "labeled_room": text,
-        }));
+        let answer = schema::answer(json!({"labeled_room": text}));
         let of_rooms =
             rooms.iter().map(|room| (room.clone(), number.clone())).collect::<serde_json::Map<_, _>>();
         Ok(Self {
-            picture: file.channel(pictures, "foxglove.CompressedImage", &picture)?,
+            picture: file.channel(pictures, "foxglove.CompressedImage", &schema::compressed_image())?,
             annotations: file.channel("/roomsight/annotations", "foxglove.ImageAnnotations", &annotations)?,
             answer: file.channel("/roomsight/answer", "roomsight.Answer", &answer)?,
             probabilities: file.channel(
                 "/roomsight/probabilities",
                 "roomsight.Probabilities",
-                &object(Value::Object(of_rooms)),
+                &schema::object(&Value::Object(of_rooms)),
             )?,
         })
     }
@@ -139,7 +120,7 @@ pub(super) fn answer(model: &Model, frames: &[Asked], output: &Path, limits: &Li
             *n_of_room.entry(&model.rooms()[filter.room_idx()]).or_default() += 1;
             let time_ns = recorded.message().time_ns;
             let stamp_ns = stamp_ns.unwrap_or(time_ns);
-            let timestamp = json!({"sec": stamp_ns / 1_000_000_000, "nsec": stamp_ns % 1_000_000_000});
+            let timestamp = schema::time_of(stamp_ns);
             let answered = Answered {
                 model,
                 labeled_room: &frame.room,
@@ -166,24 +147,6 @@ pub(super) fn answer(model: &Model, frames: &[Asked], output: &Path, limits: &Li
         output.display()
     )?;
     Ok(())
-}
-
-/// A picture as Foxglove shows it.
-struct Shown {
-    format: &'static str,
-    data: String,
-}
-
-/// As it was encoded, or, of pixels as they are, as a JPEG of their size.
-fn shown(encoded: &[u8], limits: &Limits) -> anyhow::Result<Shown> {
-    let known = SHOWN.iter().find(|(begins, _)| encoded.starts_with(begins));
-    Ok(match known {
-        Some((_, format)) => Shown { format, data: BASE64_STANDARD.encode(encoded) },
-        None => Shown {
-            format: "jpeg",
-            data: BASE64_STANDARD.encode(thumbnail(encoded, limits.max_side, *limits)?),
-        },
-    })
 }
 
 /// A picture that is answered.
@@ -221,8 +184,8 @@ impl Answered<'_> {
             "keypoints": recognition.n_keypoints, "filtered_room": filtered, "filtered_probability": belief,
             "filtered_known": model.knows(filter), "labeled_room": labeled_room,
         });
-        let Shown { format, data } = shown;
-        let image = json!({"timestamp": timestamp, "frame_id": frame_id, "format": format, "data": data});
+        let Shown { format, base64 } = shown;
+        let image = json!({"timestamp": timestamp, "frame_id": frame_id, "format": format, "data": base64});
         file.write(topics.picture, time_ns, &image)?;
         file.write(topics.answer, time_ns, &answer)?;
         file.write(topics.probabilities, time_ns, &probabilities)?;

@@ -136,6 +136,7 @@ impl Teller {
         let result = StreamResult { seq: frame.seq, answer, filtered, age_ms, notice, resume };
         let latency_ms = ms(frame.arrived.elapsed());
         engine.robots.answered_in_stream(record, &result, latency_ms);
+        engine.recordings.answer(record, &result.answer, result.filtered.as_ref());
         engine.events.answered(|| AnswerEvent::of_stream(&self.stream, &result, latency_ms));
         said.push(text(&ServerMessage::Result(Box::new(result))));
         said

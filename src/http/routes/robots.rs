@@ -66,7 +66,8 @@ pub async fn show_robot(State(app): State<App>, Path(id): Path<String>) -> Resul
     Ok(Json(app.engine.robots.info(&*found(&app, &id)?)))
 }
 
-fn found(app: &App, id: &str) -> Result<Arc<RobotRecord>, Problem> {
+/// The robot that is found under this id.
+pub(super) fn found(app: &App, id: &str) -> Result<Arc<RobotRecord>, Problem> {
     let engine = &app.engine;
     engine.robots.find(id).ok_or_else(|| {
         let others = engine.view(Scope::Fleet).everybody(Instant::now()).others;

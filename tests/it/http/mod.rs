@@ -17,6 +17,7 @@ mod mqtt;
 mod oip;
 mod operate;
 mod proxy;
+mod recordings;
 mod replay;
 mod robot;
 mod senses;
