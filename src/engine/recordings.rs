@@ -44,6 +44,8 @@ pub struct Recordings {
     /// How many run: the frames of robots that are not recorded cost a look at it.
     n_running: Arc<AtomicUsize>,
     running: Mutex<BTreeMap<String, Running>>,
+    /// One begins at a time: recognizing threads wait for no disk.
+    beginning: Mutex<()>,
 }
 
 /// One that runs, or has just ended.
@@ -111,6 +113,7 @@ impl Recordings {
             limits: settings.frame_limits(),
             n_running: Arc::default(),
             running: Mutex::default(),
+            beginning: Mutex::default(),
         }
     }
 
@@ -131,26 +134,29 @@ impl Recordings {
     /// Nothing is recorded here; a bound is reached; what the system says.
     pub fn begin(&self, robot: &str, lasting: Duration) -> Result<RecordingInfo, RecordingError> {
         let folder = self.folder()?;
+        let _beginning = self.beginning.lock().unwrap_or_else(PoisonError::into_inner);
+        {
+            let running = self.running();
+            if running.contains_key(robot) {
+                return Err(RecordingError::Running(robot.to_owned()));
+            }
+            if running.len() >= MAX_AT_ONCE {
+                return Err(RecordingError::TooMany);
+            }
+        }
         fs::create_dir_all(folder)?;
-        let mut running = self.running();
-        if running.contains_key(robot) {
-            return Err(RecordingError::Running(robot.to_owned()));
-        }
-        if running.len() >= MAX_AT_ONCE {
-            return Err(RecordingError::TooMany);
-        }
-        let used = files(folder)?.iter().map(|file| file.bytes).sum();
+        let used = total(&files(folder)?);
         if used >= self.max_bytes {
             return Err(RecordingError::Full { used, max: self.max_bytes });
         }
         let now = SystemTime::now();
         let file = file_name(robot, now);
-        let began = |at: SystemTime| humantime::format_rfc3339_seconds(at).to_string();
+        let time = |at: SystemTime| humantime::format_rfc3339_seconds(at).to_string();
         let info = RecordingInfo {
             file: file.clone(),
             robot: robot.to_owned(),
-            began_at: began(now),
-            ends_at: began(now + lasting),
+            began_at: time(now),
+            ends_at: time(now + lasting),
             pictures: 0,
             answers: 0,
             lost: 0,
@@ -172,7 +178,8 @@ impl Recordings {
             n_running.fetch_sub(1, Ordering::Relaxed);
         })?;
         tracing::info!(robot, file, "a robot is recorded");
-        running.insert(robot.to_owned(), Running { info: info.clone(), sender, progress, thread });
+        let running = Running { info: info.clone(), sender, progress, thread };
+        self.running().insert(robot.to_owned(), running);
         Ok(info)
     }
 
@@ -254,13 +261,7 @@ impl Recordings {
 
 impl Running {
     fn told(&self) -> RecordingInfo {
-        let Progress { n_pictures, n_answers, n_lost, .. } = &*self.progress;
-        RecordingInfo {
-            pictures: n_pictures.load(Ordering::Relaxed),
-            answers: n_answers.load(Ordering::Relaxed),
-            lost: n_lost.load(Ordering::Relaxed),
-            ..self.info.clone()
-        }
+        self.progress.told(&self.info)
     }
 
     /// Waits until what came is written.
@@ -269,13 +270,7 @@ impl Running {
         drop(sender);
         // One that panicked has told so, and what it wrote is there.
         let _ = thread.join();
-        let n_lost = progress.n_lost.load(Ordering::Relaxed);
-        RecordingInfo {
-            pictures: progress.n_pictures.load(Ordering::Relaxed),
-            answers: progress.n_answers.load(Ordering::Relaxed),
-            lost: n_lost,
-            ..info
-        }
+        progress.told(&info)
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::engine::aside::stand_aside;
 use crate::engine::shown::{Shown, shown};
 use bytes::Bytes;
+use roomsight_protocol::recording::RecordingInfo;
 use roomsight_protocol::rest::Answer;
 use roomsight_protocol::stream::Filtered;
 use roomsight_recording::write::{Channel, JsonRecording, RecordingResult, schema};
@@ -47,6 +48,18 @@ pub(super) struct Writer {
     path: PathBuf,
     limits: Limits,
     progress: Arc<Progress>,
+}
+
+impl Progress {
+    /// A recording that is so far.
+    pub(super) fn told(&self, info: &RecordingInfo) -> RecordingInfo {
+        RecordingInfo {
+            pictures: self.n_pictures.load(Ordering::Relaxed),
+            answers: self.n_answers.load(Ordering::Relaxed),
+            lost: self.n_lost.load(Ordering::Relaxed),
+            ..info.clone()
+        }
+    }
 }
 
 impl What {
