@@ -125,6 +125,9 @@ impl DataArgs {
                 self.data.display()
             );
         }
+        if model.is_none() && dataset.has_other_scans {
+            note!("note: scans of a laser lie beside the pictures: --laser lets the model look at them too");
+        }
         let n_without = dataset.frames.iter().filter(|frame| frame.scan.is_none()).count();
         if self.laser && n_without > 0 && dataset.described_projection().is_none() {
             note!(

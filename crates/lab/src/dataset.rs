@@ -149,6 +149,8 @@ pub struct Dataset {
     pub notes: Vec<Problem>,
     /// Frames without a room.
     pub unlabeled: Vec<Frame>,
+    /// Whether scans of a laser lie beside frames that were not asked for.
+    pub has_other_scans: bool,
     /// What was seen of the frames before, where it was.
     pub(crate) shards: Vec<Arc<Shard>>,
 }
@@ -210,7 +212,8 @@ fn wrapped_manifest(tree: &Tree) -> Option<&PathBuf> {
 impl Dataset {
     fn new(root: &Path, format: Format) -> Self {
         let (frames, unlabeled, problems, notes) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        Self { root: root.to_owned(), format, frames, problems, notes, unlabeled, shards: Vec::new() }
+        let (root, has_other_scans, shards) = (root.to_owned(), false, Vec::new());
+        Self { root, format, frames, problems, notes, unlabeled, has_other_scans, shards }
     }
 
     fn report(&mut self, path: &Path, reason: impl Into<String>) {

@@ -165,6 +165,8 @@ fn add(dataset: &mut Dataset, recording: &Arc<Recording>, taking: &Taking) -> Re
     let poses = PoseTrack::of(recording, taking)?;
     let odometry = PoseTrack::of_odometry(recording, taking)?;
     let scans = scans(recording, taking)?;
+    let has_scans = recording.topics().iter().any(|topic| topic.kind() == Kind::LaserScan);
+    dataset.has_other_scans |= has_scans && !taking.laser;
     let rooms = Rooms::of(recording, taking, first_ns)?;
     let sequence = drive_name(&dataset.root, &path);
     let mut last_ns = None;

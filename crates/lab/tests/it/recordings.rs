@@ -231,6 +231,7 @@ fn scans_and_odometry_lie_beside_pictures_whatever_clock_dates_these() {
         let taking = Taking { laser: true, odometry: true, clock, room_topic, ..Taking::default() };
         let dataset = open(&folder, &taking).unwrap().with_unlabeled();
         assert_eq!(dataset.laser().map(|shape| shape.field_degrees), Some(270.0));
+        assert!(!dataset.has_other_scans);
         for (number, frame) in dataset.frames.iter().enumerate() {
             assert_eq!(frame.read_scan().unwrap().unwrap().ranges()[7], 1.0 + number as f32);
             assert!((frame.odometry.unwrap().x - 0.5 * number as f64).abs() < 1e-6);
@@ -240,6 +241,7 @@ fn scans_and_odometry_lie_beside_pictures_whatever_clock_dates_these() {
     }
     let plain = open(&folder, &Taking::default()).unwrap().with_unlabeled();
     assert!(plain.frames.iter().all(|frame| frame.scan.is_none() && frame.odometry.is_none()));
+    assert!(plain.has_other_scans);
     let other = |scan_topic: &str| Taking {
         laser: true,
         scan_topic: Some(scan_topic.to_owned()),

@@ -25,8 +25,10 @@ impl Senses {
             let Timed { time, what } = tdf::read_scan(line)?;
             Ok(Timed { time, what: ScanSource::Read(Arc::new(what)) })
         };
+        let scans = folder.join(SCAN_FILE);
+        dataset.has_other_scans |= !taking.laser && scans.is_file();
         Self {
-            scans: lines(dataset, &folder.join(SCAN_FILE), taking.laser, of_scan),
+            scans: lines(dataset, &scans, taking.laser, of_scan),
             odometry: lines(dataset, &folder.join(ODOMETRY_FILE), taking.odometry, tdf::read_odometry),
         }
     }

@@ -58,6 +58,13 @@ fn that_there_is_none_is_noted_where_it_is_wanted() {
 }
 
 #[test]
+fn that_scans_are_there_is_known_where_they_are_not_taken() {
+    assert!(open(sensed("", "").path()).unwrap().has_other_scans);
+    assert!(!taken(&sensed("", "")).has_other_scans);
+    assert!(!open(cold_tree(&[SEQUENCE]).path()).unwrap().has_other_scans);
+}
+
+#[test]
 fn what_the_simulated_robot_sensed_is_read_beside_its_frames() {
     let root = tempfile::tempdir().unwrap();
     let spec = SequenceSpec {
