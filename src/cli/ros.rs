@@ -148,9 +148,10 @@ pub(super) fn run(args: &RosArgs) -> anyhow::Result<()> {
             cameras.push(camera.watched());
             working.spawn(camera.work(answering, Arc::clone(&senses)));
         }
-        working.spawn(Diagnostics::open(&node, cameras).await?.work());
+        let diagnostics = Diagnostics::open(&node, cameras).await?;
         tokio::select! {
             Some(ended) = working.join_next() => ended?,
+            never = diagnostics.work() => match never {},
             _ = tokio::signal::ctrl_c() => Ok(()),
         }
     })

@@ -180,8 +180,10 @@ impl Camera {
             match answering.answer(shot).await? {
                 Ok(told) => {
                     let answer = message_of(&told, picture.stamp_ns.unwrap_or(0), picture.frame_id);
-                    self.answers.publish(answer.to_cdr()).await?;
-                    self.watched.state().answered(&told);
+                    match self.answers.publish(answer.to_cdr()).await {
+                        Ok(()) => self.watched.state().answered(&told),
+                        Err(error) => self.failed(error.to_string()),
+                    }
                     self.printer.print(came_at, &told)?;
                 }
                 Err(problem) => self.failed(problem),

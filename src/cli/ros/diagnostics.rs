@@ -4,6 +4,7 @@ use super::Node;
 use super::camera::{ANSWERS, State, Watched, nanoseconds};
 use crate::cli::manners::note;
 use roomsight_ros::{DIAGNOSTIC_ARRAY, Diagnostics as Message, Header, Level, Publisher, Status};
+use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 use tokio::time::{MissedTickBehavior, interval};
@@ -33,17 +34,15 @@ impl Diagnostics {
     }
 
     /// Tells it for ever.
-    ///
-    /// # Errors
-    /// The network is gone.
-    pub(super) async fn work(mut self) -> anyhow::Result<()> {
+    pub(super) async fn work(mut self) -> Infallible {
         let mut ticks = interval(GAP);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
         loop {
             ticks.tick().await;
             let status = self.cameras.iter().map(|camera| status(&self.node, camera)).collect();
             let header = Header { stamp_ns: nanoseconds(SystemTime::now()), frame_id: String::new() };
-            self.publisher.publish(Message { header, status }.to_cdr()).await?;
+            // Where the network is gone for a while, it is told again in a second.
+            let _ = self.publisher.publish(Message { header, status }.to_cdr()).await;
             for (camera, is_told) in self.cameras.iter().zip(&mut self.is_silence_told) {
                 let is_silent = camera.state().last.elapsed() > SILENCE;
                 if is_silent && !*is_told {
