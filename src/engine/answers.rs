@@ -52,9 +52,9 @@ pub async fn answers(
         let mut task = asked.task.clone();
         if let Some(robot) = &robot {
             robot.accepted();
-            // Of several the last one is shown.
+            // Of several the last one is kept.
             let number = (idx + 1 == n_frames).then(|| engine.robots.frame_number());
-            task.shown_for = number.map(|number| Shown { robot: robot.clone(), number });
+            task.shown_for = Some(Shown { robot: robot.clone(), number });
         }
         recognize::recognize(&engine, slot, frame, task)
     };

@@ -39,12 +39,12 @@ pub struct Task {
     pub sender: Option<Sender>,
 }
 
-/// A frame that is kept as the last one of a robot.
+/// A frame of a robot, for those who look at what it sees.
 #[derive(Clone)]
 pub struct Shown {
     pub robot: Arc<RobotRecord>,
-    /// See [`Robots::frame_number`](crate::engine::robots::Robots::frame_number).
-    pub number: u64,
+    /// See [`Robots::frame_number`](crate::engine::robots::Robots::frame_number); none where it is not kept as the last one.
+    pub number: Option<u64>,
 }
 
 /// What was seen in a frame.
@@ -251,7 +251,9 @@ pub fn look(
         task.served.model.extractor().check_scan(scan)?;
     }
     if let Some(Shown { robot, number }) = &task.shown_for {
-        engine.robots.keep(robot, *number, || frame.lasting());
+        if let Some(number) = number {
+            engine.robots.keep(robot, *number, || frame.lasting());
+        }
         engine.recordings.picture(robot, || frame.lasting());
     }
     let doubtable = task.sender.filter(|sender| engine.doubts.wants(sender));

@@ -165,17 +165,11 @@ impl Recordings {
         let writer = Writer::create(folder.join(&file), robot, self.limits, Arc::clone(&progress));
         let writer = writer.map_err(|error| RecordingError::Begin(error.to_string()))?;
         let (sender, entries) = sync_channel(MAX_WAITING);
-        let (n_running, folder, max_bytes) = (Arc::clone(&self.n_running), folder.to_owned(), self.max_bytes);
-        // Counted before it runs, so that it never counts down first.
-        n_running.fetch_add(1, Ordering::Relaxed);
-        let counting = Arc::clone(&n_running);
+        let (counted, folder, max_bytes) = (Counted::new(&self.n_running), folder.to_owned(), self.max_bytes);
         let thread = thread::Builder::new().name("recording".to_owned()).spawn(move || {
+            let _counted = counted;
             let has_room = || files(&folder).is_ok_and(|files| total(&files) < max_bytes);
             writer.write_all(&entries, lasting, &has_room);
-            counting.fetch_sub(1, Ordering::Relaxed);
-        });
-        let thread = thread.inspect_err(|_| {
-            n_running.fetch_sub(1, Ordering::Relaxed);
         })?;
         tracing::info!(robot, file, "a robot is recorded");
         let running = Running { info: info.clone(), sender, progress, thread };
@@ -271,6 +265,22 @@ impl Running {
         // One that panicked has told so, and what it wrote is there.
         let _ = thread.join();
         progress.told(&info)
+    }
+}
+
+/// Counts one more as long as it lives.
+struct Counted(Arc<AtomicUsize>);
+
+impl Counted {
+    fn new(count: &Arc<AtomicUsize>) -> Self {
+        count.fetch_add(1, Ordering::Relaxed);
+        Self(Arc::clone(count))
+    }
+}
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::Relaxed);
     }
 }
 

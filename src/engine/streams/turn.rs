@@ -63,7 +63,7 @@ impl Turn {
             (_, None) => Outcome::Dropped(DropReason::Overload),
             (Err(error), _) => Outcome::Failed(error.into()),
             (Ok(served), Some(frame)) => {
-                let shown_for = Some(Shown { robot: self.record.clone(), number });
+                let shown_for = Some(Shown { robot: self.record.clone(), number: Some(number) });
                 let (explain, transport) = (self.explain, Transport::Stream);
                 let key = self.record.key().map(|key| key.name().into());
                 let sender = Some(Sender { robot: self.robot.as_deref().map(Into::into), key });

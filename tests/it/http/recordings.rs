@@ -1,7 +1,7 @@
 //! Robots that are recorded on request.
 
 use crate::http::robot::{Robot, result};
-use crate::http::service::{Server, pgm, problem, room, success};
+use crate::http::service::{FORM, Server, form, pgm, problem, room, success};
 use roomsight::settings::Settings;
 use roomsight_protocol::recording::{RecordingInfo, RecordingList};
 use roomsight_recording::message::Picture;
@@ -111,6 +111,12 @@ async fn a_recording_ends_by_itself_in_time_by_room_and_with_the_service() {
     .expect("its time is up");
     let files = list(&server).await.files;
     assert_eq!(read(&folder.path().join(&files[0].file)).0.len(), 1);
+    // Of a batch every picture lies beside its answer.
+    assert_eq!(begin(&server, "brief", "").await.status(), 201);
+    let batch = server.post_as("/v1/recognize/batch?robot=brief", FORM, form(&[&room(0, 0), &room(1, 0)]));
+    success(batch.send().await.unwrap()).await;
+    let ended = info(success(delete(&server, "/v1/robots/brief/recording").await).await);
+    assert_eq!((ended.pictures, ended.answers), (2, 2));
     // One that the service ends is whole too.
     assert_eq!(begin(&server, "brief", "").await.status(), 201);
     recognize("brief", room(1, 0)).await;
