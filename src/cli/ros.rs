@@ -22,7 +22,7 @@ use std::time::Duration;
 use tokio::task::JoinSet;
 
 /// The most that ROS takes as `ROS_DOMAIN_ID`.
-const MAX_DOMAIN: i64 = 232;
+const MAX_DOMAIN: u16 = 232;
 
 /// Distributions whose identifiers of nodes are long.
 const WITH_LONG_IDS: [&str; 4] = ["foxy", "galactic", "humble", "eloquent"];
@@ -61,7 +61,7 @@ pub(super) struct RosArgs {
     #[arg(long, value_name = "WAY", default_value = "dds", env = "RMW_IMPLEMENTATION")]
     over: Over,
     /// Only nodes of the same domain hear each other
-    #[arg(long, value_name = "N", default_value_t = 0, env = "ROS_DOMAIN_ID", value_parser = clap::value_parser!(u16).range(..=MAX_DOMAIN))]
+    #[arg(long, value_name = "N", default_value_t = 0, env = "ROS_DOMAIN_ID", value_parser = domain)]
     domain: u16,
     /// The namespace of the node
     #[arg(long, value_name = "NAMESPACE", default_value = "/")]
@@ -100,11 +100,19 @@ enum ImageTransport {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Over {
     /// As with rmw_fastrtps_cpp and rmw_cyclonedds_cpp
-    #[value(aliases = ["rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp", "rmw_cyclonedds_cpp", "rmw_connextdds"])]
+    // A variable of the environment that is empty counts as none, for ROS too.
+    #[value(aliases = ["", "rmw_fastrtps_cpp", "rmw_fastrtps_dynamic_cpp", "rmw_cyclonedds_cpp", "rmw_connextdds"])]
     Dds,
     /// As with rmw_zenoh_cpp
     #[value(alias = "rmw_zenoh_cpp")]
     Zenoh,
+}
+
+/// As ROS reads it: nothing is 0.
+fn domain(text: &str) -> Result<u16, String> {
+    let domain = if text.is_empty() { Some(0) } else { text.parse().ok() };
+    let domain = domain.filter(|domain| *domain <= MAX_DOMAIN);
+    domain.ok_or_else(|| format!("it must be from 0 to {MAX_DOMAIN}"))
 }
 
 fn trust(text: &str) -> Result<Trust, String> {
@@ -176,5 +184,22 @@ impl RosArgs {
     /// The least time between two pictures that are looked at.
     fn gap(&self) -> Duration {
         self.fps.map_or(Duration::ZERO, |fps| Duration::from_secs_f64(1.0 / fps))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_ros_reads_of_the_environment_is_read_as_ros_does() {
+        assert_eq!(["", "0", "232"].map(domain), [Ok(0), Ok(0), Ok(232)]);
+        assert!(["233", "-1", "x", "99999"].into_iter().all(|text| domain(text).is_err()));
+        let over = |text| Over::from_str(text, false).ok();
+        assert_eq!(["", "rmw_fastrtps_cpp", "dds"].map(over), [Some(Over::Dds); 3]);
+        assert_eq!(
+            ["rmw_zenoh_cpp", "zenoh", "rmw_other"].map(over),
+            [Some(Over::Zenoh), Some(Over::Zenoh), None]
+        );
     }
 }
