@@ -15,7 +15,7 @@ use roomsight_protocol::rest::{RoomProbability, Unknown};
 use roomsight_protocol::stream::{
     Configure, FilterChoice, FilterSettings, Filtered, ServerMessage, StreamResult,
 };
-use roomsight_recognition::filter::{Interval, Motion, RoomFilter, Trust};
+use roomsight_recognition::filter::{Interval, RoomFilter, Trust};
 use roomsight_recognition::model::{self, Model, Pose, Scan, Scratch};
 use roomsight_vision::image::Limits;
 use serde::Serialize;
@@ -203,7 +203,6 @@ impl Following {
     fn since(&mut self, at: SystemTime, odometry: Option<Pose>) -> Interval {
         let Some((last, last_odometry)) = self.last.replace((at, odometry)) else { return 0.0.into() };
         let seconds = at.duration_since(last).unwrap_or_default().as_secs_f64();
-        let motion = last_odometry.zip(odometry).and_then(|(from, to)| Motion::between(&from, &to));
-        Interval { seconds, motion }
+        Interval::between(seconds, last_odometry, odometry)
     }
 }

@@ -31,10 +31,11 @@ mod shard;
 mod tests;
 mod tree;
 
+pub use by_time::MAX_APART;
 pub use describe::{Copied, Described};
 pub use error::{DatasetError, Problem, ProblemKind, by_kind};
 pub use look::{Look, near_pairs};
-pub use recorded::{Clock, RecordedMessage, Taking};
+pub use recorded::{Clock, RecordedMessage, Taking, scan_of};
 pub use senses::ScanSource;
 pub use shard::{Shard, ShardError};
 pub use tree::Tree;

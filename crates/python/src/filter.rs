@@ -2,7 +2,7 @@
 
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use roomsight_recognition::filter::{Interval, Motion, RoomFilter, Trust};
+use roomsight_recognition::filter::{Interval, RoomFilter, Trust};
 use roomsight_recognition::model::{self, Model, Pose, Recognition};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -58,9 +58,8 @@ impl Filter {
         top: Option<usize>,
     ) -> Filtered {
         let mut followed = self.followed.lock().unwrap_or_else(PoisonError::into_inner);
-        let motion = followed.at.zip(at).and_then(|(from, to)| Motion::between(&from, &to));
+        let since = Interval::between(elapsed, followed.at, at);
         followed.at = at;
-        let since = Interval { seconds: elapsed, motion };
         let filter = &mut followed.filter;
         filter.update(self.model.transitions(), since, recognition.observation());
         let (rooms, room_idx) = (self.model.rooms(), filter.room_idx());

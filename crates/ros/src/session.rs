@@ -6,6 +6,7 @@ mod zenoh;
 use crate::error::RosError;
 use crate::names::NodeName;
 use crate::types::MessageType;
+use std::any::Any;
 use std::path::PathBuf;
 
 /// How a node joins the others.
@@ -68,13 +69,7 @@ enum Way {
 
 /// A topic is heard as long as this lives.
 pub struct Subscription {
-    _heard: Heard,
-}
-
-#[allow(dead_code, reason = "they end what they stand for where they are dropped")]
-enum Heard {
-    Dds(dds::Subscription),
-    Zenoh(zenoh::Subscription),
+    _heard: Box<dyn Any + Send + Sync>,
 }
 
 /// Publishes the messages of a topic.
@@ -109,13 +104,14 @@ impl Session {
         quality: Quality,
         on_message: OnMessage,
     ) -> Result<Subscription, RosError> {
-        let heard = match &self.0 {
-            Way::Dds(session) => Heard::Dds(session.subscribe(topic, message, quality, on_message)?),
-            Way::Zenoh(session) => {
-                Heard::Zenoh(session.subscribe(topic, message, quality, on_message).await?)
-            }
-        };
-        Ok(Subscription { _heard: heard })
+        Ok(Subscription {
+            _heard: match &self.0 {
+                Way::Dds(session) => Box::new(session.subscribe(topic, message, quality, on_message)?),
+                Way::Zenoh(session) => {
+                    Box::new(session.subscribe(topic, message, quality, on_message).await?)
+                }
+            },
+        })
     }
 
     /// Becomes a publisher of a topic by its whole name.

@@ -1,10 +1,11 @@
 //! The last messages of a topic, found by their time.
 
+use roomsight_lab::dataset::MAX_APART;
 use std::collections::VecDeque;
 use std::sync::{Mutex, PoisonError};
 
-/// How far what belongs together may be apart: a quarter of a second.
-const MAX_APART_NS: u64 = 250_000_000;
+/// How far what belongs together may be apart, as in recordings.
+const MAX_APART_NS: u64 = (MAX_APART * 1e9) as u64;
 
 /// How many are kept: more than come while a picture is looked at.
 const N_KEPT: usize = 64;

@@ -2,8 +2,9 @@
 
 use super::Node;
 use super::recent::Recent;
+use roomsight_lab::dataset::scan_of;
 use roomsight_recognition::model::{Pose, Scan};
-use roomsight_recording::message::{Located, Sweep, located, stamp_ns, sweep};
+use roomsight_recording::message::{Located, located, stamp_ns};
 use roomsight_recording::{Encoding, Topic};
 use roomsight_ros::{LASER_SCAN, MessageType, ODOMETRY, Quality, Subscription};
 use std::sync::Arc;
@@ -30,7 +31,12 @@ impl Senses {
         let mut subscriptions = Vec::new();
         let scans = Arc::new(Recent::new());
         if laser {
-            subscriptions.push(hear(node, "scan", &LASER_SCAN, Arc::clone(&scans), scan_of).await?);
+            subscriptions.push(
+                hear(node, "scan", &LASER_SCAN, Arc::clone(&scans), |topic, message| {
+                    scan_of(topic, message).ok().map(Arc::new)
+                })
+                .await?,
+            );
         }
         let kept = Arc::new(Recent::new());
         if odometry {
@@ -69,11 +75,6 @@ async fn hear<T: Clone + Send + Sync + 'static>(
         }
     };
     Ok(node.session.subscribe(&name, message, SENSOR, Box::new(on_message)).await?)
-}
-
-fn scan_of(topic: &Topic, message: &[u8]) -> Option<Arc<Scan>> {
-    let Sweep { angle_min, angle_increment, range_max, ranges } = sweep(topic, message).ok()?;
-    Scan::new(angle_min, angle_increment, range_max, ranges).ok().map(Arc::new)
 }
 
 fn pose_of(topic: &Topic, message: &[u8]) -> Option<Pose> {

@@ -22,7 +22,7 @@ use roomsight_protocol::rest::{ModelName, RecognizeQuery};
 use roomsight_protocol::stream::{
     FilterChange, Filtered, ModelChanged, Notice, NoticeKind, ServerMessage, StreamResult, StreamSettings,
 };
-use roomsight_recognition::filter::{Interval, Motion, RoomFilter, Trust};
+use roomsight_recognition::filter::{Interval, RoomFilter, Trust};
 use roomsight_recognition::model::Pose;
 use tokio_tungstenite::tungstenite::Utf8Bytes;
 
@@ -210,9 +210,8 @@ impl Teller {
         });
         belief.at = at;
         let odometry = frame.odometry.map(|Odometry { x, y, heading }| Pose { x, y, angle: heading });
-        let motion = belief.odometry.zip(odometry).and_then(|(from, to)| Motion::between(&from, &to));
+        let since = Interval::between(elapsed.time.as_secs_f64(), belief.odometry, odometry);
         belief.odometry = odometry;
-        let since = Interval { seconds: elapsed.time.as_secs_f64(), motion };
         belief.filter.update(model.transitions(), since, seen.recognition.observation());
         let room_idx = belief.filter.room_idx();
         let told = Filtered {

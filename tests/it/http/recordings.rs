@@ -92,7 +92,7 @@ async fn what_a_robot_sends_and_is_told_from_then_on_lies_in_the_file() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn a_recording_ends_by_itself_in_time_by_room_and_with_the_service() {
+async fn a_recording_ends_when_its_time_is_up_and_with_the_service() {
     let folder = TempDir::new().unwrap();
     let mut server = Server::start(settings(folder.path(), 1 << 20)).await;
     let recognize = async |robot: &str, frame: Vec<u8>| {
@@ -111,12 +111,6 @@ async fn a_recording_ends_by_itself_in_time_by_room_and_with_the_service() {
     .expect("its time is up");
     let files = list(&server).await.files;
     assert_eq!(read(&folder.path().join(&files[0].file)).0.len(), 1);
-    // Of a batch every picture lies beside its answer.
-    assert_eq!(begin(&server, "brief", "").await.status(), 201);
-    let batch = server.post_as("/v1/recognize/batch?robot=brief", FORM, form(&[&room(0, 0), &room(1, 0)]));
-    success(batch.send().await.unwrap()).await;
-    let ended = info(success(delete(&server, "/v1/robots/brief/recording").await).await);
-    assert_eq!((ended.pictures, ended.answers), (2, 2));
     // One that the service ends is whole too.
     assert_eq!(begin(&server, "brief", "").await.status(), 201);
     recognize("brief", room(1, 0)).await;
@@ -124,6 +118,18 @@ async fn a_recording_ends_by_itself_in_time_by_room_and_with_the_service() {
     server.stop();
     server.stopped().await;
     assert_eq!(read(&folder.path().join(&file)).0.len(), 1);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn of_a_batch_every_picture_lies_beside_its_answer() {
+    let folder = TempDir::new().unwrap();
+    let server = Server::start(settings(folder.path(), 1 << 20)).await;
+    success(server.post("/v1/recognize?robot=r", room(0, 0)).send().await.unwrap()).await;
+    assert_eq!(begin(&server, "r", "").await.status(), 201);
+    let batch = form(&[&room(0, 0), &room(1, 0)]);
+    success(server.post_as("/v1/recognize/batch?robot=r", FORM, batch).send().await.unwrap()).await;
+    let ended = info(success(delete(&server, "/v1/robots/r/recording").await).await);
+    assert_eq!((ended.pictures, ended.answers), (2, 2));
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -3,7 +3,7 @@
 use crate::cold_layout::tdf::Timed;
 
 /// How far what belongs together may be apart, in seconds.
-const MAX_APART: f64 = 0.25;
+pub const MAX_APART: f64 = 0.25;
 
 /// What was when.
 #[derive(Clone, Debug)]

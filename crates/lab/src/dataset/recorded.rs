@@ -83,9 +83,7 @@ impl RecordedMessage {
     /// # Errors
     /// Why it cannot be read.
     pub fn scan(&self) -> Result<Scan, String> {
-        let sweep = sweep(self.topic(), &self.bytes()?).map_err(|error| error.to_string())?;
-        let Sweep { angle_min, angle_increment, range_max, ranges } = sweep;
-        Scan::new(angle_min, angle_increment, range_max, ranges).map_err(|error| error.to_string())
+        scan_of(self.topic(), &self.bytes()?)
     }
 
     /// The picture that it holds, and what it says of it.
@@ -102,6 +100,16 @@ impl RecordedMessage {
             _ => Ok(picture),
         }
     }
+}
+
+/// The scan of a message of a laser.
+///
+/// # Errors
+/// Why it cannot be read.
+pub fn scan_of(topic: &Topic, message: &[u8]) -> Result<Scan, String> {
+    let sweep = sweep(topic, message).map_err(|error| error.to_string())?;
+    let Sweep { angle_min, angle_increment, range_max, ranges } = sweep;
+    Scan::new(angle_min, angle_increment, range_max, ranges).map_err(|error| error.to_string())
 }
 
 /// The recordings in a folder and in folders in it that can be read.

@@ -43,8 +43,7 @@ impl Frame {
     /// What lies between this frame and `next`, the frame after it: the time, as [`Frame::seconds_to`] says, and the way where both
     /// tell their odometry. None where `next` is of another drive or of none known.
     pub fn interval_to(&self, next: &Self) -> Option<Interval> {
-        let motion = self.odometry.zip(next.odometry).and_then(|(from, to)| Motion::between(&from, &to));
-        Some(Interval { seconds: self.seconds_to(next)?, motion })
+        Some(Interval::between(self.seconds_to(next)?, self.odometry, next.odometry))
     }
 
     /// Reads what the laser measured beside it, for an extractor that may look at that; none where there is none, or it is not

@@ -1,6 +1,6 @@
 //! Where a frame was taken, told by where the frames were taken that are most like it.
 
-use crate::filter::Motion;
+use crate::filter::{Interval, Motion};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -33,6 +33,14 @@ impl Motion {
         let turn = (to.angle - from.angle).rem_euclid(TAU);
         let is_known = from.is_finite() && to.is_finite();
         is_known.then(|| Self { meters: from.distance(to), radians: turn.min(TAU - turn) })
+    }
+}
+
+impl Interval {
+    /// So many seconds, and the way from one pose to another where both are known.
+    pub fn between(seconds: f64, from: Option<Pose>, to: Option<Pose>) -> Self {
+        let motion = from.zip(to).and_then(|(from, to)| Motion::between(&from, &to));
+        Self { seconds, motion }
     }
 }
 

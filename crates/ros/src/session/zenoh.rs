@@ -8,9 +8,8 @@ use crate::error::RosError;
 use crate::types::MessageType;
 use keys::{Entity, Kind, Naming};
 use ring::digest::{SHA256, digest};
-use std::sync::Mutex;
-use std::sync::PoisonError;
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 use zenoh::Config;
 use zenoh::liveliness::LivelinessToken;
@@ -32,10 +31,10 @@ pub(super) struct Session {
     _node: LivelinessToken,
 }
 
-#[allow(dead_code, reason = "they end where they are dropped")]
+/// Ends with this.
 pub(super) struct Subscription {
-    messages: zenoh::pubsub::Subscriber<()>,
-    token: LivelinessToken,
+    _messages: zenoh::pubsub::Subscriber<()>,
+    _token: LivelinessToken,
 }
 
 pub(super) struct Publisher {
@@ -70,15 +69,13 @@ impl Session {
         Ok(Self { session, naming, next_id: AtomicU64::new(1), _node: node })
     }
 
-    async fn token(
-        &self,
-        kind: Kind,
-        topic: &str,
-        message: &MessageType,
-        quality: Quality,
-    ) -> Result<LivelinessToken, RosError> {
+    /// The key of a token of something new.
+    fn key(&self, kind: Kind, topic: &str, message: &MessageType, quality: Quality) -> String {
         let id = self.next_id.fetch_add(1, Ordering::Relaxed);
-        let key = self.naming.token(&Entity { kind, id, topic, message, quality });
+        self.naming.token(&Entity { kind, id, topic, message, quality })
+    }
+
+    async fn token(&self, key: String) -> Result<LivelinessToken, RosError> {
         self.session.liveliness().declare_token(key).await.map_err(told)
     }
 
@@ -100,8 +97,8 @@ impl Session {
             })
             .await
             .map_err(told)?;
-        let token = self.token(Kind::Subscription, topic, message, quality).await?;
-        Ok(Subscription { messages, token })
+        let token = self.token(self.key(Kind::Subscription, topic, message, quality)).await?;
+        Ok(Subscription { _messages: messages, _token: token })
     }
 
     pub(super) async fn publisher(
@@ -117,11 +114,11 @@ impl Session {
             .congestion_control(CongestionControl::Drop)
             .await
             .map_err(told)?;
-        let token = self.token(Kind::Publisher, topic, message, quality).await?;
+        let key = self.key(Kind::Publisher, topic, message, quality);
         // Others tell publishers apart by it, and compare it with nothing else.
         let mut id = [0; 16];
-        let key = format!("{}/{topic}/{}", self.naming.session, self.next_id.load(Ordering::Relaxed));
         id.copy_from_slice(&digest(&SHA256, key.as_bytes()).as_ref()[..16]);
+        let token = self.token(key).await?;
         Ok(Publisher { messages, _token: token, id, n_published: AtomicI64::new(0) })
     }
 }
